@@ -51,6 +51,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from domesim.light.guarded import guarded
 from domesim.light.strips import in_strips
 
 BEST_FREQUENCY = 3.0
@@ -65,6 +66,7 @@ EDGES = 0.9
 Floats = NDArray[np.floating[Any]]
 
 
+@guarded
 def edge_energy(error: Floats, ghost: Floats, pixels_per_degree: float) -> float:
     """Computes the ghost edge energy: 0 if no edge of a ghost is left, 1 if all are.
 
@@ -86,6 +88,7 @@ def edge_energy(error: Floats, ghost: Floats, pixels_per_degree: float) -> float
     )
 
 
+@guarded
 def ghost_left(error: Floats, ghost: Floats, pixels_per_degree: float) -> float:
     """Computes the share of the ghost's own edges in the error.
 
@@ -104,6 +107,7 @@ def ghost_left(error: Floats, ghost: Floats, pixels_per_degree: float) -> float:
     return _common_edges(error, ghost, sigma) / edges if edges > 0 else 0.0
 
 
+@guarded
 def ghost_contour(
     error: Floats, ghost: Floats, where: NDArray[np.bool_], pixels_per_degree: float
 ) -> float | None:
@@ -138,6 +142,7 @@ def ghost_contour(
     return float(np.sqrt(across.sum() / strength[at].sum()))
 
 
+@guarded
 def edge_sigma(pixels_per_degree: float) -> float:
     """Returns sigma, pixels, of the derivative that passes 3 cycles/degree most."""
     return max(FINEST_SIGMA, pixels_per_degree / (2 * np.pi * BEST_FREQUENCY))

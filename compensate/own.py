@@ -14,6 +14,7 @@ from compensate.solver.accelerated import Accelerated
 from compensate.weighting import REGULARISATION, PerceptualWeighting, Weighting
 from domesim.errors import InputError
 from domesim.light import Array, Light
+from domesim.light.guarded import guarded
 from domesim.observation.base import AdjointObservation
 from domesim.observation.linear import require_linear
 from domesim.scene import Scene
@@ -70,6 +71,7 @@ class LinearWeighting(Weighting):
         return self._weight_adjoint(weighted)
 
 
+@guarded
 def own_problem(
     desired: Light,
     scene: Scene,

@@ -51,6 +51,7 @@ from compensate.vision.castle import ACHROMATIC, castle
 from domesim.inspection.magnitudes import Faintest, projected_star, sky_brightness, video_star
 from domesim.light import Light, on_host
 from domesim.light.blocks import block_sums
+from domesim.light.guarded import guarded
 from domesim.scene import DomeScene, Scene
 
 FINE, COARSE = (0.25, 1.0), (2.0, 10.0)
@@ -352,6 +353,7 @@ class PlainRuler:
         return float(np.median(stars / wanted)), order
 
 
+@guarded
 def of_colours(master: Floats, seen: Floats, luminance_weights: Floats) -> Colours | None:
     """Compares the hue and saturation of pixels with the master's.
 

@@ -70,6 +70,7 @@ from compensate.vision.tvi import MesopicBlend, threshold
 from domesim.errors import InputError
 from domesim.light import Light
 from domesim.light.blocks import block_sums, light_means
+from domesim.light.guarded import guarded
 from domesim.room.viewing import DomeSeat, Viewing
 
 Planes = NDArray[np.float32]
@@ -353,6 +354,7 @@ def reduction(viewing: Viewing, settings: Prediction, rows: int, cols: int) -> i
     return step
 
 
+@guarded
 def regions(mask: Mask, margin: int = 0) -> list[tuple[slice, slice]]:
     """Finds rectangles that hold all that is true in a mask, with a margin around it.
 
@@ -666,6 +668,7 @@ def _step(per_degree: float, finest: float) -> int:
     return int(2 ** max(0, int(np.floor(np.log2(per_degree / finest)))))
 
 
+@guarded
 def probability(masking: Planes) -> Planes:
     """Returns P(v) = 1 - 2^-v."""
     return np.asarray(-np.expm1(-np.float32(np.log(2)) * masking))

@@ -16,7 +16,7 @@ from typing import final
 
 from compensate.weighting import Weighting
 from domesim.errors import InputError
-from domesim.light import Array, Light, dot, namespace, require_light, total
+from domesim.light import Array, Light, dot, namespace, require_finite, require_light, total
 from domesim.light.strips import in_parts
 from domesim.observation.base import AdjointObservation
 from domesim.observation.frozen import Frozen
@@ -139,6 +139,30 @@ class Problem:
         product = self.observation.adjoint(weighted)
         damped = self._damped(direction)
         return energy + dot(direction, damped), product + damped
+
+    def begun(self, start: Light, who: str) -> Light:
+        """Looks at the light that a solver begins with, and brings it within the bounds.
+
+        Parameters
+        ----------
+        start
+            (view, row, col, primary).
+        who
+            Name of the solver, for the message.
+
+        Returns
+        -------
+        light
+            As of `project`.
+
+        Raises
+        ------
+        InputError
+            If it is no light of this problem, or has values that are not finite.
+        """
+        require_light(start, self.observation.shape, who=who)
+        require_finite(start, who=who)
+        return self.project(start)
 
     def project(self, light: Light) -> Light:
         """Returns the nearest light within the bounds."""

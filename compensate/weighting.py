@@ -26,6 +26,7 @@ from compensate.fourier import Fourier, padded_size
 from compensate.vision.csf import LowFrequencyFloor, daly
 from domesim.errors import InputError
 from domesim.light import Array, Light, dot, kind, namespace, require_light
+from domesim.light.guarded import guarded
 from domesim.light.strips import in_parts, in_strips
 from domesim.room.viewing import Viewing
 
@@ -479,6 +480,7 @@ def _peak(sensitivity: Sensitivity) -> tuple[float, Any]:
     return float(curve.max()), axis[curve.argmax()]  # neighbours differ by far more than rounding
 
 
+@guarded
 def linear_ycbcr(luminance_weights: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
     """Returns (channel, primary): Y, Cb, Cr of *linear* light, by ITU-R BT.709's construction.
 

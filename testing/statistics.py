@@ -19,11 +19,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import stats
 
+from domesim.errors import InputError
+from domesim.light.guarded import guarded
+
 FALSE_ALARM = 1e-3
 """How often a test fails although nothing is wrong; with a fixed seed it does so always or never.
 """
 
 
+@guarded
 def bias_p(found: ArrayLike, error: ArrayLike, truth: ArrayLike) -> tuple[float, float]:
     """P-values of estimates being unbiased: by their spread, and by what all share.
 
@@ -52,6 +56,7 @@ def bias_p(found: ArrayLike, error: ArrayLike, truth: ArrayLike) -> tuple[float,
     return spread, shared
 
 
+@guarded
 def assert_unbiased(
     found: ArrayLike, error: ArrayLike, truth: ArrayLike, *, false_alarm: float = FALSE_ALARM
 ) -> None:
@@ -82,11 +87,15 @@ def assert_unbiased(
         )
 
 
+@guarded
 def calibration(z: ArrayLike) -> float:
-    """P-value of z-scores being standard normal (Kolmogorov-Smirnov)."""
+    """P-value of z-scores being standard normal (Kolmogorov-Smirnov); at least two are needed."""
+    if np.size(z) < 2:
+        raise InputError(f"calibration takes two z-scores or more, got {np.size(z)}")
     return float(stats.kstest(np.ravel(z), "norm").pvalue)
 
 
+@guarded
 def rms_difference(
     model: ArrayLike, first: ArrayLike, second: ArrayLike, share: ArrayLike
 ) -> float:

@@ -134,7 +134,20 @@ def wanted(work: Work) -> tuple[Mapping[str, Input], list[str]]:
 
 
 def orrery(kind: str, size: int) -> Light:
-    """(view, row, col, primary) a frame as ``domesim master --kind KIND`` renders it, in 0..1."""
+    """Renders a frame as ``domesim master --kind KIND`` does.
+
+    Parameters
+    ----------
+    kind
+        What ``--kind`` takes.
+    size
+        Pixels a side.
+
+    Returns
+    -------
+    light
+        (view, row, col, primary), 0..1.
+    """
     from scenes.artwork.orrery.cameras import views  # noqa: PLC0415 - slow to import
     from scenes.artwork.orrery.orrery import Orrery  # noqa: PLC0415
     from scenes.artwork.orrery.picture import Settings as How  # noqa: PLC0415
@@ -146,7 +159,20 @@ def orrery(kind: str, size: int) -> Light:
 
 
 def places(work: Work, name: str, one: Input) -> list[Place]:
-    """Places at which an input is shown; a quick run has one luminance."""
+    """Lists the places at which an input is shown.
+
+    Parameters
+    ----------
+    work
+        A quick run has one luminance.
+    name, one
+        The input.
+
+    Returns
+    -------
+    places
+        Its name, pollution and luminance of white, cd/m².
+    """
     if work.quick:
         return [(name, pollution, USUAL_LUMINANCE) for pollution in one.pollutions]
     chosen = CROSSTALK_PLACES if one.kind == PAIRED else ALBEDO_PLACES
@@ -183,7 +209,20 @@ def _pair(name: str) -> Light:
 
 
 def domemaster(read: Callable[[], Master], size: int) -> Light:
-    """The domemaster, no wider than `size`."""
+    """Reads a domemaster in small.
+
+    Parameters
+    ----------
+    read
+        Reads it.
+    size
+        Pixels a side, at most.
+
+    Returns
+    -------
+    light
+        (1, row, col, primary), 0..1 on the screen.
+    """
     scene = load_scene(DOME_SCENE)
     light = decoded(read(), scene)
     light = pairs.no_wider(light, size)

@@ -30,6 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from domesim.light import Light, require_light
+from domesim.light.guarded import guarded
 from domesim.light.transfer import named
 from domesim.scene import Scene
 from validation.experiment import Missing
@@ -42,17 +43,30 @@ _BRIGHTEST, _DARKEST = 1e4, 0.005
 """Range of luminances, cd/m²: ColorVideoVDP clips below 0.005 in any case."""
 
 
+@guarded
 def flip(reference: Light, test: Light, scene: Scene) -> float:
     """Mean LDR-FLIP over the screen's area: 0 is the same, 1 as far apart as can be.
 
     Light above projector white counts as white, colours outside BT.709 as its nearest.
 
+    Parameters
+    ----------
+    reference, test
+        (view, row, col, primary) what should be seen and what is, 1.0 = projector white.
+    scene
+        Where.
+
+    Returns
+    -------
+    error
+        0 to 1.
+
     Raises
     ------
     Missing
         If flip-evaluator is not installed.
-    ValueError
-        If the pictures have not the same shape.
+    InputError
+        If one is no light, or they have not the same shape.
     """
     try:
         import flip_evaluator  # noqa: PLC0415
@@ -72,18 +86,31 @@ def flip(reference: Light, test: Light, scene: Scene) -> float:
     return _mean(each.reshape(rows, times, cols, times).mean((1, 3)), scene)
 
 
+@guarded
 def colorvideovdp(reference: Light, test: Light, scene: Scene) -> float:
     """Quality in just-objectionable differences (JOD): 10 is the same, 9 is seen to be worse.
 
     Of two pictures that are 1 JOD apart, 75 of 100 people prefer the better. Light below 0.005
     cd/m² and colours outside BT.709 are clipped.
 
+    Parameters
+    ----------
+    reference, test
+        (view, row, col, primary) what should be seen and what is, 1.0 = projector white.
+    scene
+        Where.
+
+    Returns
+    -------
+    quality
+        JOD.
+
     Raises
     ------
     Missing
         If cvvdp is not installed.
-    ValueError
-        If the pictures have not the same shape.
+    InputError
+        If one is no light, or they have not the same shape.
     """
     _colorvideovdp()
     require_light(test, reference.shape, who="colorvideovdp")
@@ -92,6 +119,7 @@ def colorvideovdp(reference: Light, test: Light, scene: Scene) -> float:
     return _predicted(reference, test, scene)[0]
 
 
+@guarded
 def colorvideovdp_map(
     reference: Light, test: Light, scene: Scene
 ) -> tuple[float, NDArray[np.float32]]:
@@ -99,12 +127,24 @@ def colorvideovdp_map(
 
     It is local: what a whole picture loses, if all of it looked like that pixel.
 
+    Parameters
+    ----------
+    reference, test
+        (view, row, col, primary) what should be seen and what is, 1.0 = projector white.
+    scene
+        Where.
+
+    Returns
+    -------
+    quality, lost
+        Both in JOD.
+
     Raises
     ------
     Missing
         If cvvdp is not installed.
-    ValueError
-        If the pictures have not the same shape.
+    InputError
+        If one is no light, or they have not the same shape.
     """
     _colorvideovdp()
     require_light(test, reference.shape, who="colorvideovdp_map")
@@ -116,7 +156,20 @@ def colorvideovdp_map(
 def if_installed(
     judge: Callable[[Light, Light, Scene], float], reference: Light, test: Light, scene: Scene
 ) -> float | None:
-    """What a judge says; None if it is not installed."""
+    """Asks a judge that may not be installed.
+
+    Parameters
+    ----------
+    judge
+        One of this module's.
+    reference, test, scene
+        As it takes them.
+
+    Returns
+    -------
+    said
+        None if it is not installed.
+    """
     try:
         return judge(reference, test, scene)
     except Missing:
@@ -138,8 +191,22 @@ def left_out(said: Mapping[str, Iterable[float | None]]) -> list[str]:
     ]
 
 
+@guarded
 def luminance(light: Light, scene: Scene) -> NDArray[np.float64]:
-    """(view, row, col) luminance, white = 1."""
+    """Computes the luminance of light.
+
+    Parameters
+    ----------
+    light
+        (view, row, col, primary).
+    scene
+        Whose projector it is of.
+
+    Returns
+    -------
+    luminance
+        (view, row, col), white = 1.
+    """
     return np.asarray(np.asarray(light, np.float64) @ scene.projector.luminance_weights)
 
 
@@ -194,22 +261,62 @@ def _shown(light: Light, scene: Scene) -> NDArray[np.float32]:
     return enlarged(on_display(light, scene), times) * np.float32(scene.projector.white)
 
 
+@guarded
 def on_display(light: Light, scene: Scene) -> NDArray[np.float32]:
-    """(row, col, RGB) linear light in BT.709, at least 0; black outside the screen."""
+    """Converts light of one view for a display.
+
+    Parameters
+    ----------
+    light
+        (1, row, col, primary).
+    scene
+        Whose projector it is of.
+
+    Returns
+    -------
+    shown
+        (row, col, RGB) linear light in BT.709, at least 0; black outside the screen.
+    """
     inside = scene.screen(*light.shape[1:3])[..., None]
     shown = np.where(inside, np.maximum(scene.projector.to_display(light)[0], 0), 0)
     return np.asarray(shown, np.float32)
 
 
 def enlargement(scene: Scene, rows: int, cols: int) -> tuple[int, float]:
-    """How many times to repeat pixels, which are squares of even light, and pixels per degree."""
+    """Finds how large pixels must be for judges, which see their edges.
+
+    Parameters
+    ----------
+    scene
+        Where.
+    rows, cols
+        Size of a view, pixels.
+
+    Returns
+    -------
+    times, density
+        How often a pixel is repeated, and pixels per degree then.
+    """
     density = scene.viewing.pixels_per_degree(rows, cols)
     times = max(1, int(np.ceil(COARSEST / density)))
     return times, times * density
 
 
 def enlarged(picture: NDArray[Any], times: int) -> NDArray[Any]:
-    """A (row, col, ...) picture with each pixel repeated so many times in both directions."""
+    """Repeats each pixel of a picture.
+
+    Parameters
+    ----------
+    picture
+        (row, col, ...).
+    times
+        How often, in both directions.
+
+    Returns
+    -------
+    enlarged
+        (times row, times col, ...).
+    """
     return np.ascontiguousarray(picture.repeat(times, axis=0).repeat(times, axis=1))
 
 

@@ -278,10 +278,22 @@ def steps(shown: Shown) -> float | None:
 
 
 def points(shown: Shown, view: int) -> tuple[Mask, Floats]:
-    """(row, col) points of a view of the master, and what surrounds them, cd/m².
+    """Finds the points of a view of the master.
 
     A point is brighter than all eight pixels around it, and `POINT` times as bright as the median
     of its surroundings, which are at least `HARDLY`.
+
+    Parameters
+    ----------
+    shown
+        The master, and what is seen of it.
+    view
+        Its number.
+
+    Returns
+    -------
+    points, around
+        (row, col) which pixels are points, and what surrounds pixels, cd/m².
     """
     white = shown.scene.projector.white
     plane = white * luminance(shown.master[view : view + 1], shown.scene)[0]

@@ -37,6 +37,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.special import expit, xlogy
 
 from domesim.errors import InputError
+from domesim.light.guarded import guarded
 from validation.experiment import Missing
 
 Wins = NDArray[np.int64]
@@ -189,6 +190,7 @@ def analyse(wins: ArrayLike, names: Sequence[str], *, false_alarm: float = 0.05)
     )
 
 
+@guarded
 def holm(p: ArrayLike) -> NDArray[np.float64]:
     """(..., test) p-values corrected for the number of tests after Holm."""
     # Not by statsmodels' multipletests, which takes one family at a time and 50 ms for it
@@ -277,6 +279,8 @@ def wins_from_totals(totals: Sequence[int]) -> NDArray[np.int64]:
 
 def _guarded(wins: ArrayLike, names: Sequence[str]) -> Wins:
     try:
+        if np.iscomplexobj(np.asarray(wins)):
+            raise TypeError
         given = np.asarray(wins, np.float64)
     except (TypeError, ValueError):
         raise InputError("wins is a square table of counts, got something else") from None

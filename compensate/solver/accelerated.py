@@ -75,7 +75,7 @@ class Accelerated:
     def __call__(self, problem: Problem, start: Light) -> Result:
         """Minimise `problem` from the light `start` (view, row, col, primary)."""
         before = problem.ffts
-        x = problem.project(start)
+        x = problem.begun(start, "Accelerated")
         cost, gradient = problem.quadratic(x)
         optimality = problem.kkt_residual(x, gradient)
         goal = self.tolerance * optimality

@@ -71,7 +71,7 @@ class GPCG:
     def __call__(self, problem: Problem, start: Light) -> Result:
         """Minimise `problem` from the light `start` (view, row, col, primary)."""
         before = problem.ffts
-        x = problem.project(start)
+        x = problem.begun(start, "GPCG")
         goal = self.tolerance * _norm(_projected_gradient(problem, x, problem.gradient(x)))
         status, iteration = Status.EXHAUSTED, 0
         while iteration < self.max_iterations:

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from compensate.fourier import Fourier, padded_size
 from domesim.errors import InputError
 from domesim.light.blocks import block_sums, enlarged
+from domesim.light.guarded import guarded
 from domesim.light.strips import in_strips
 
 Planes = NDArray[np.float32]
@@ -26,6 +27,7 @@ ACROSS = 8
 """Samples across the disc, at least, where pixels are finer: the grid is reduced to fewer."""
 
 
+@guarded
 def adaptation_luminance(
     luminance: NDArray[np.floating[Any]],
     pixels_per_degree: float,

@@ -41,6 +41,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from domesim.errors import InputError
+from domesim.light.guarded import guarded
 
 Floats = NDArray[np.floating[Any]]
 
@@ -191,6 +192,7 @@ DETAIL = float(np.pi * 1.5**2)
 """Area of a pattern, deg², where none is given: that of ColorVideoVDP's table, of 3° across."""
 
 
+@guarded
 def castle(
     frequency: ArrayLike, luminance: ArrayLike, mechanism: Mechanism, *, area: float
 ) -> Floats:
@@ -245,6 +247,7 @@ def _shape(rho: Floats, l: Floats, mechanism: Mechanism) -> Floats:  # noqa: E74
     return np.asarray(np.where(rho < f_max, np.maximum(parabola, mechanism.plateau), parabola))
 
 
+@guarded
 def opponent_contrast(difference: ArrayLike, background: ArrayLike) -> Floats:
     """Returns signed contrasts of a coloured difference, in the order of `MECHANISMS`.
 

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from domesim.errors import InputError
+from domesim.light.guarded import guarded
 
 Floats = NDArray[np.floating[Any]]
 
@@ -21,6 +22,7 @@ PEAK_SENSITIVITY = 250.0
 """P, the absolute peak sensitivity (Daly 1992)."""
 
 
+@guarded
 def daly(
     frequency: ArrayLike,
     orientation: ArrayLike,

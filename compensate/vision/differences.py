@@ -58,6 +58,7 @@ from numpy.typing import NDArray
 from compensate.vision.castle import COLORVIDEOVDP, DETAIL, DKL_FROM_XYZ, castle
 from domesim.errors import InputError
 from domesim.light import Array, as_sent, namespace, on_host
+from domesim.light.guarded import guarded
 from domesim.light.strips import in_strips
 
 Floats = NDArray[np.floating[Any]]
@@ -119,6 +120,7 @@ class Band:
     seen: Planes
 
 
+@guarded
 def visible_difference(wanted: Floats, seen: Floats, pixels_per_degree: float) -> Planes:
     """Maps how much worse `seen` looks than `wanted`.
 
@@ -148,6 +150,7 @@ def quality_lost(differences: Array) -> Array:
     return xp.where(differences > TOE, beyond, toe * differences)
 
 
+@guarded
 def in_thresholds(lost: Floats) -> Planes:
     """Returns Q / s of v, any shape: 1 for one mechanism at its threshold in one band.
 
@@ -160,6 +163,7 @@ def in_thresholds(lost: Floats) -> Planes:
     return np.asarray(found / STILL, np.float32)
 
 
+@guarded
 def bands(wanted: Floats, seen: Floats, pixels_per_degree: float) -> list[Band]:
     """Compares two pictures band by band.
 
@@ -409,6 +413,7 @@ class Reference:
         return in_strips(mask, _strips_of(wanted))
 
 
+@guarded
 def mutually_masked(wanted: Planes, seen: Planes) -> Planes:
     """Masks differences by what both pictures have in common.
 
@@ -429,6 +434,7 @@ def mutually_masked(wanted: Planes, seen: Planes) -> Planes:
     return _masked(both, apart)
 
 
+@guarded
 def reduced(planes: Planes) -> Planes:
     """The next level of the Gaussian pyramid, (..., row, col): every second pixel, smoothed."""
     each = planes.reshape(-1, *planes.shape[-2:])
@@ -436,6 +442,7 @@ def reduced(planes: Planes) -> Planes:
     return np.stack(results).reshape(*planes.shape[:-2], *results[0].shape)
 
 
+@guarded
 def expanded(planes: Planes, size: tuple[int, ...]) -> Planes:
     """Expands a level of the Gaussian pyramid to the one below, with as much light.
 

@@ -29,6 +29,7 @@ from numpy.typing import ArrayLike, NDArray
 from compensate.fourier import Fourier
 from compensate.vision.csf import daly
 from domesim.errors import InputError
+from domesim.light.guarded import guarded
 from domesim.light.strips import in_strips
 from domesim.room.viewing import Viewing
 
@@ -40,6 +41,7 @@ DARKEST = 10**-2.6
 falls (Ferwerda 1996), so that the same difference is no easier to see."""
 
 
+@guarded
 def transducer(signal: ArrayLike) -> Floats:
     """Response of a mechanism; odd in the signal.
 
@@ -66,6 +68,7 @@ def transducer(signal: ArrayLike) -> Floats:
     return np.asarray(np.copysign(3.291 * grown / (0.2599 * (3.433 + size) ** 0.8), signed))
 
 
+@guarded
 def sensitivity(frequency: ArrayLike, viewing: Viewing) -> Floats:
     """The 1-D CSF of the 2-D one (section 5): Daly's, averaged over orientations.
 
@@ -96,6 +99,7 @@ def sensitivity(frequency: ArrayLike, viewing: Viewing) -> Floats:
     return np.asarray(found.mean(axis=-1))
 
 
+@guarded
 def mesa(frequency: Floats, edge: float) -> Floats:
     """Low pass: 1 up to an edge, falling as a raised cosine to 0 at twice its frequency.
 
@@ -112,6 +116,7 @@ def mesa(frequency: Floats, edge: float) -> Floats:
     return np.asarray(0.5 + 0.5 * np.cos(np.pi * np.clip(frequency / edge - 1, 0, 1)))
 
 
+@guarded
 def dom(frequency: Floats, peak: float) -> Floats:
     """Band pass, a difference of mesas: 1 at `peak`, 0 up to ``peak / 2`` and from ``2 peak``.
 
@@ -131,6 +136,7 @@ def dom(frequency: Floats, peak: float) -> Floats:
     return np.asarray(mesa(frequency, peak) - mesa(frequency, peak / 2))
 
 
+@guarded
 def fan(angle: Floats, index: int, orientations: int) -> Floats:
     """Passes orientations around ``index pi / orientations``; all fans add up to 1.
 
@@ -190,6 +196,7 @@ class Cortex:
         return [self.lowest * 2**i for i in range(count)]
 
 
+@guarded
 def masked_difference(
     reference: Floats,
     test: Floats,

@@ -49,6 +49,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from compensate.vision.castle import DKL_FROM_XYZ
 from domesim.errors import InputError
+from domesim.light.guarded import guarded
 from domesim.light.transfer import SRGB
 
 Floats = NDArray[np.floating[Any]]
@@ -86,6 +87,7 @@ NOISE = 1e-6
 """Differences below this share of the peak are rounding, not features."""
 
 
+@guarded
 def gbvs(image: ArrayLike) -> Floats:
     """Computes the saliency of every pixel: 0 at the least salient, 1 at the most.
 

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from domesim.errors import InputError
+from domesim.light.guarded import guarded
 
 Floats = NDArray[np.floating[Any]]
 
@@ -41,6 +42,7 @@ class MesopicBlend(Enum):
     assumption made here, and light is taken to be as bright to rods as to cones (S/P = 1)."""
 
 
+@guarded
 def cone_threshold(luminance: ArrayLike) -> Floats:
     """The cones' threshold (Ferwerda 1996, photopic).
 
@@ -64,6 +66,7 @@ def cone_threshold(luminance: ArrayLike) -> Floats:
     return _CONES(_checked(luminance))
 
 
+@guarded
 def rod_threshold(luminance: ArrayLike) -> Floats:
     """The rods' threshold (Ferwerda 1996, scotopic).
 
@@ -74,6 +77,7 @@ def rod_threshold(luminance: ArrayLike) -> Floats:
     return _RODS(_checked(luminance))
 
 
+@guarded
 def threshold(luminance: ArrayLike, blend: MesopicBlend = MesopicBlend.MORE_SENSITIVE) -> Floats:
     """The threshold of rods and cones together (Δ_TVI in eq. 10).
 

@@ -22,6 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from domesim.errors import InputError
 from domesim.light import Array, Light, kind, namespace
+from domesim.light.guarded import guarded
 from domesim.light.strips import in_strips
 from domesim.observation.stereo import VIEWS, StereoObservation, require_black
 
@@ -193,6 +194,7 @@ def mixing_by(matrix: NDArray[Any], like: NDArray[Any]) -> Callable[[NDArray[Any
     return lambda light: light @ turned
 
 
+@guarded
 def leak_matrices(crosstalk: ArrayLike, primaries: int = 3) -> NDArray[np.float64]:
     """Matrices of crosstalk that is described with fewer numbers.
 
@@ -251,6 +253,7 @@ def leaks_to_both(to_left: object, to_right: object) -> NDArray[np.float64]:
     return np.stack([leak_matrices(np.asarray(leak))[0] for leak in (to_left, to_right)])
 
 
+@guarded
 def over_pixels(
     coarse: NDArray[np.float64], rows: int, cols: int, *, sloping: bool = True
 ) -> NDArray[np.float64]:

@@ -7,14 +7,16 @@ A is given by a function and its adjoint, or by a matrix. What is desired is see
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
-from typing import Self, final
+from typing import Any, Self, final
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from domesim.errors import InputError
 from domesim.light import Light, as_sent, dot, namespace, on_host
+from domesim.light.guarded import require_numbers
 from domesim.observation.base import AdjointObservation
 
 _ROUNDING = 1e-4  # a map may compute in float32
@@ -49,7 +51,14 @@ class LinearObservation(AdjointObservation):
         ambient: ArrayLike = 0.0,
     ) -> None:
         self._shape, self._apply, self._apply_adjoint = shape, apply, adjoint
+        require_numbers("LinearObservation's ambient", ambient)
         self._ambient = np.asarray(ambient)
+        try:
+            np.broadcast_to(self._ambient, shape)
+        except ValueError:
+            raise InputError(
+                f"LinearObservation's ambient must broadcast to {shape}, got {self._ambient.shape}"
+            ) from None
         require_linear("LinearObservation", shape, apply, adjoint)
 
     @classmethod
@@ -71,6 +80,11 @@ class LinearObservation(AdjointObservation):
         -------
         observation
             Its adjoint is the matrix transposed.
+
+        Raises
+        ------
+        InputError
+            If matrix or ambient are no finite real numbers of these sizes.
         """
 
         def product(by: ArrayLike, light: Light) -> Light:
@@ -79,7 +93,12 @@ class LinearObservation(AdjointObservation):
             xp = namespace(light)
             return xp.reshape(as_sent(by, light) @ xp.reshape(light, (-1,)), shape)
 
-        rows = matrix if hasattr(matrix, "T") else np.asarray(matrix)
+        rows: Any = matrix if hasattr(matrix, "tocsr") else np.asarray(matrix)
+        if isinstance(rows, np.ndarray):
+            require_numbers("LinearObservation's matrix", rows)
+        size = math.prod(shape)
+        if rows.shape != (size, size):
+            raise InputError(f"LinearObservation's matrix must be {(size, size)}, got {rows.shape}")
         return cls(
             shape, lambda light: product(rows, light), lambda light: product(rows.T, light), ambient
         )
@@ -131,7 +150,8 @@ def require_linear(
     random = np.random.default_rng(0)
     x = random.standard_normal(shape)
     seen = apply(x)
-    if np.linalg.norm(apply(-2 * x) + 2 * seen) > _ROUNDING * np.linalg.norm(seen):
+    # What is not a number is not at most anything
+    if not np.linalg.norm(apply(-2 * x) + 2 * seen) <= _ROUNDING * np.linalg.norm(seen):
         raise InputError(
             f"{who} takes a linear apply, got one with apply(-2 x) other than -2 apply(x); a "
             f"constant is no part of it"
@@ -141,7 +161,7 @@ def require_linear(
     if back.shape != shape:
         raise InputError(f"{who} takes an adjoint that returns {shape}, got {back.shape}")
     there, here = dot(seen, y), dot(x, back)
-    if abs(there - here) > _ROUNDING * float(np.linalg.norm(seen) * np.linalg.norm(y)):
+    if not abs(there - here) <= _ROUNDING * float(np.linalg.norm(seen) * np.linalg.norm(y)):
         raise InputError(
             f"{who} takes the adjoint of apply, got <A x, y> = {there:.6g} and <x, A' y> = "
             f"{here:.6g} for noise x and y"

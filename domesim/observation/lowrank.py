@@ -183,7 +183,20 @@ def _project(modes: Array, light: Light) -> Array:
 
 
 def expand(modes: Array, coefficients: Array) -> Array:
-    """(row, col): the sum of modes times (rank,) coefficients of their type."""
+    """Sums modes.
+
+    Parameters
+    ----------
+    modes
+        (rank, row, col).
+    coefficients
+        (rank,) of the modes' type.
+
+    Returns
+    -------
+    sum
+        (row, col).
+    """
     result = modes[0, :, :] * coefficients[0]
     for k in range(1, modes.shape[0]):
         result = result + modes[k, :, :] * coefficients[k]

@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from domesim.errors import InputError
 from domesim.frames.colour import CHROMATICITIES, chromaticities_of
 from domesim.light import Light
+from domesim.light.guarded import guarded
 from domesim.light.strips import in_strips
 from domesim.light.transfer import Transfer
 
@@ -159,6 +160,7 @@ class Projector:
         return self.primaries if self.measured is None else self.measured
 
 
+@guarded
 def relative_primaries(xyz: ArrayLike) -> Matrix:
     """Measured primaries as `Projector` takes them.
 

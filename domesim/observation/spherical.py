@@ -19,10 +19,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from domesim.errors import InputError
 from domesim.light import Array, Light
+from domesim.light.guarded import guarded
 from domesim.observation.lowrank import LowRank, LowRankObservation
 from domesim.room.dome import Dome
 
 
+@guarded
 def closed_form_gain(albedo: float, radius: float, screen_area: float, kept: float = 1.0) -> float:
     """Indirect light per direct flux: rho / (4 pi r² - rho A_s).
 

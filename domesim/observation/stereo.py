@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from domesim.errors import InputError
 from domesim.light import Light
+from domesim.light.guarded import guarded
 from domesim.observation.base import AdjointObservation
 
 VIEWS = ("left", "right")
@@ -37,6 +38,7 @@ class StereoObservation(AdjointObservation):
         """(seen view, primary, view, primary): the one matrix nearest to all pixels' own."""
 
 
+@guarded
 def require_black(black: ArrayLike, primaries: int) -> NDArray[np.float64]:
     """Light without any picture, in full.
 

@@ -31,6 +31,7 @@ from numpy.typing import NDArray
 from domesim.errors import InputError
 from domesim.frames.arrays import read_arrays, write_arrays
 from domesim.light import Array, Light, kind, namespace, on_host
+from domesim.light.guarded import guarded
 from domesim.observation.base import AdjointObservation
 from domesim.observation.basis import disc_quadrature
 from domesim.observation.lowrank import LowRank, LowRankObservation
@@ -285,6 +286,7 @@ def node_places(nodes: int = NODES) -> Floats:
     return np.asarray((np.arange(nodes) - MARGIN) * step - 1)
 
 
+@guarded
 def interpolation(places: NDArray[np.floating[Any]], nodes: int) -> Floats:
     """Cubic (4-point Lagrange) weights of the nodes at some places.
 
@@ -307,6 +309,7 @@ def interpolation(places: NDArray[np.floating[Any]], nodes: int) -> Floats:
     return matrix
 
 
+@guarded
 def sample_nodes(tables: Floats, u: Floats, v: Floats) -> Floats:
     """Samples functions on the grid of nodes at points of the domemaster.
 

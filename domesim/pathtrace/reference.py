@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from domesim.errors import InputError
+from domesim.light.guarded import guarded
 from domesim.pathtrace.llvm import load_mitsuba
 from domesim.pathtrace.plugins import register
 from domesim.pathtrace.sources import lobe_bsdf
@@ -27,6 +28,7 @@ _MASK_ROWS = 3600
 """Steps of the opacity mask from pole to pole: half-angles are kept to 0.05 degrees."""
 
 
+@guarded
 def path_traced(
     theatre: Theatre,
     light: NDArray[Any],

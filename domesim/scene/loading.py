@@ -141,7 +141,21 @@ def _scene_text(name_or_path: str | Path) -> tuple[str, Path]:
 
 
 def scene_of_text(text: str, where: str, folder: Path) -> Scene:
-    """The scene that a TOML text describes, as if it were the file `where` in `folder`.
+    """The scene that a TOML text describes.
+
+    Parameters
+    ----------
+    text
+        TOML.
+    where
+        The file that it is taken for.
+    folder
+        Where files lie that it names.
+
+    Returns
+    -------
+    scene
+        As it is described.
 
     Raises
     ------

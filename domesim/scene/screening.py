@@ -15,8 +15,9 @@ from domesim.errors import InputError
 from domesim.frames import Master
 from domesim.frames.frame import Pixels
 from domesim.frames.video import video_of
-from domesim.light import Light, transfer
+from domesim.light import Light, require_light, require_mask, transfer
 from domesim.light.blocks import block_sums, by_blocks
+from domesim.light.guarded import guarded
 from domesim.light.strips import all_within, in_strips
 from domesim.observation.projector import require_primaries
 from domesim.scene import Scene, StereoScene
@@ -200,6 +201,11 @@ def encoded(
         The new one.
     clipped
         Share of the screen's pixels that were clipped, 0..1.
+
+    Raises
+    ------
+    InputError
+        If it is no light, the screen is none, or values on it are no number.
     """
     projector, old = scene.projector, master.colour
     new = master.becomes or old
@@ -234,6 +240,7 @@ def encoded(
     return result, clipped / (len(light) * np.count_nonzero(screen))
 
 
+@guarded
 def mean_luminance(light: Light, scene: Scene, areas: NDArray[np.floating] | None = None) -> float:
     """Mean luminance over the screen's area and all views.
 
@@ -279,7 +286,14 @@ def within_range(light: Light, screen: NDArray[np.bool_]) -> tuple[Light, float]
         Unchanged if all was within.
     clipped
         Share of the screen's pixels that were clipped, 0..1.
+
+    Raises
+    ------
+    InputError
+        If it is no light, or has values on the screen that are no number.
     """
+    require_light(light, who="within_range")
+    require_mask(screen, who="within_range")
     # Decoding rounds: a white of 1 + 1e-7 is no highlight.
     slack = 8 * float(np.finfo(np.float32).eps)
     if all_within(light, 0, 1):
@@ -288,6 +302,8 @@ def within_range(light: Light, screen: NDArray[np.bool_]) -> tuple[Light, float]
 
     def clip(view: int, rows: slice) -> int:
         part, on = within[view, rows], screen[rows]
+        if np.isnan(part.min()) and np.isnan(part[on]).any():
+            raise InputError("within_range takes light, got values that are no number")
         beyond = _beyond(part, on, (0, 1), slack)
         np.clip(part, 0, 1, out=part, where=on[..., None])
         return beyond

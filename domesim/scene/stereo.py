@@ -365,7 +365,8 @@ class StereoScene(Scene):
         seat = self.seats[name]
         if seat.share is None:
             return None
-        return np.maximum(over_pixels(seat.share, rows, cols, sloping=seat.sloping), 0)
+        share = over_pixels(seat.share, rows, cols, sloping=seat.sloping)
+        return np.asarray(np.maximum(share, 0))
 
 
 def built(file: StereoFile, folder: Path) -> StereoScene:

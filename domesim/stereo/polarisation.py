@@ -42,6 +42,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from domesim.errors import InputError
+from domesim.light.guarded import guarded
 from domesim.stereo.system import CircularFilter, PolarisedProjector, SilverScreen, StereoTheatre
 
 Floats = NDArray[np.float64]
@@ -93,6 +94,7 @@ def crosstalk_estimate(theatre: StereoTheatre, seat: str, rows: int, cols: int) 
     return np.asarray(other / own)
 
 
+@guarded
 def seen_luminance(
     screen: SilverScreen,
     projector: PolarisedProjector,
@@ -126,6 +128,7 @@ def seen_luminance(
     return np.asarray(-to_lamp[..., 1] / distance**2 * (intensity + passed) / 2)
 
 
+@guarded
 def screen_gain(screen: SilverScreen, incidence: ArrayLike, viewing: ArrayLike = 0.0) -> Floats:
     """Brightness of a screen over that of a white Lambertian one.
 

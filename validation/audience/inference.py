@@ -42,6 +42,7 @@ from scipy import stats
 from scipy.special import expit
 
 from domesim.errors import InputError
+from domesim.light.guarded import guarded
 from validation.study import Scale, Study, analyse, holm
 
 Counts = NDArray[np.int64]
@@ -106,6 +107,7 @@ class Audience:
     quantile: float
 
 
+@guarded
 def audience(counts: ArrayLike, names: Sequence[str], *, false_alarm: float = 0.05) -> Audience:
     """What the choices of several viewers show.
 
@@ -170,6 +172,7 @@ def audience(counts: ArrayLike, names: Sequence[str], *, false_alarm: float = 0.
     return Audience(tuple(names), tuple(preferences), study, errors, quantile)
 
 
+@guarded
 def share_interval(wins: ArrayLike, trials: ArrayLike) -> tuple[float, float]:
     """95 % interval of an audience's share of choices (module docstring).
 
@@ -205,6 +208,7 @@ def share_interval(wins: ArrayLike, trials: ArrayLike) -> tuple[float, float]:
     return float(max(middle - half, 0)), float(min(middle + half, 1))
 
 
+@guarded
 def sign_changes(differences: ArrayLike) -> float:
     """Two-sided p of (viewer,) whole differences being as likely the other way round."""
     sizes = np.abs(np.asarray(differences, np.int64))

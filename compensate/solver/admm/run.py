@@ -85,7 +85,7 @@ class ADMM:
             where the weighting has no support.
         """
         weighting = require_certifiable(problem)
-        before = weighting.fourier.count
+        start, before = problem.begun(start, "ADMM"), weighting.fourier.count
         residual = problem.residual(problem.anchor)
         xp = namespace(residual)
         support = xp.asarray(weighting.support, device=residual.device)[None, :, :, None]
@@ -93,7 +93,7 @@ class ADMM:
         if is_rounding(residual):
             return Result(problem.anchor, 0.0, 0.0, Status.EXACT, 0, 0, 0.0)
         run = _Run(self, problem, hessian_of(problem, weighting), residual, weighting.typical)
-        light, cost, gap, status = run.solve(problem.project(start))
+        light, cost, gap, status = run.solve(start)
         optimality = problem.optimality(light)
         ffts = math.ceil(weighting.fourier.count - before)
         return Result(light, cost, optimality, status, run.iterations, ffts, gap)

@@ -33,6 +33,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from domesim.light.guarded import guarded
+
 M, S = 1.3, 1.0
 """Exponent of an eye's contrast, and its saturation, %."""
 P, Q, Z = 8.0, 6.5, 0.0085
@@ -45,6 +47,7 @@ MONOCULAR, BINOCULAR = 1.0, 0.6561
 Floats = NDArray[np.float64]
 
 
+@guarded
 def two_stage(left: ArrayLike, right: ArrayLike) -> Floats:
     """Computes the response r to the contrasts of two eyes.
 
@@ -63,6 +66,7 @@ def two_stage(left: ArrayLike, right: ArrayLike) -> Floats:
     return np.asarray(stage**P / (Z + stage**Q))
 
 
+@guarded
 def gain_control(
     left: ArrayLike, right: ArrayLike, left_energy: ArrayLike, right_energy: ArrayLike
 ) -> Floats:

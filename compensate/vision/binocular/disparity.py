@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, map_coordinates
 
 from domesim.errors import InputError
+from domesim.light.guarded import guarded
 
 WIDEST = 0.1
 """Largest disparity either way, of the picture's width; trunks of the test data have 0.09."""
@@ -62,6 +63,7 @@ class Disparity:
         return np.stack(moved, axis=-1).reshape(other.shape)
 
 
+@guarded
 def disparities(left: Floats, right: Floats) -> tuple[Disparity, Disparity]:
     """Matches two pictures, each with the other.
 

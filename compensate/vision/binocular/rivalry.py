@@ -19,6 +19,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from domesim.light.guarded import guarded
+
 RATIO = 0.63
 """Ratio of contrasts below which two eyes rival (`example.m`)."""
 VISIBLE = 1.0
@@ -27,6 +29,7 @@ VISIBLE = 1.0
 Floats = NDArray[np.floating[Any]]
 
 
+@guarded
 def contrast_ratio(left: Floats, right: Floats) -> Floats:
     """Divides the lesser contrast by the greater one.
 
@@ -45,6 +48,7 @@ def contrast_ratio(left: Floats, right: Floats) -> Floats:
     return np.divide(np.minimum(left, right), greater, out=ratio, where=greater > 0)
 
 
+@guarded
 def rivals(left: Floats, right: Floats) -> NDArray[np.bool_]:
     """Says where two eyes rival.
 
