@@ -20,15 +20,16 @@ ACM Trans. Graph. 43(4), 129 (2024).
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from functools import cache, lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from compensate.vision.colorvideovdp import library, metric_of
+from compensate.vision.colorvideovdp import quiet as colorvideovdp_quiet
+from domesim.errors import InputError
 from domesim.light import Light, require_light
 from domesim.light.guarded import guarded
 from domesim.light.transfer import named
@@ -38,9 +39,6 @@ from validation.experiment import Missing
 COARSEST = 2.0
 """Pixels per degree below which FLIP's edge detectors fall between the pixels: from 1.8 on they
 count every difference as one of an edge."""
-
-_BRIGHTEST, _DARKEST = 1e4, 0.005
-"""Range of luminances, cd/m²: ColorVideoVDP clips below 0.005 in any case."""
 
 
 @guarded
@@ -237,22 +235,7 @@ def _predicted(
 def _metric(scene: Scene, rows: int, cols: int, heatmap: str | None = None) -> Any:
     """ColorVideoVDP for pictures of that size, `_shown`."""
     times, density = enlargement(scene, rows, cols)
-    return _metric_of(cols * times, rows * times, density, heatmap)
-
-
-@lru_cache(maxsize=4)
-def _metric_of(cols: int, rows: int, density: float, heatmap: str | None = None) -> Any:
-    """ColorVideoVDP for pictures of that size and pixels per degree."""
-    cvvdp, torch = _colorvideovdp()
-    return cvvdp.cvvdp(
-        display_photometry=cvvdp.vvdp_display_photo_eotf(
-            _BRIGHTEST, contrast=_BRIGHTEST / _DARKEST, EOTF="linear"
-        ),
-        display_geometry=cvvdp.vvdp_display_geometry([cols, rows], ppd=density),
-        heatmap=heatmap,
-        device=torch.device("cpu"),
-        quiet=True,
-    )
+    return metric_of(cols * times, rows * times, density, heatmap)
 
 
 def _shown(light: Light, scene: Scene) -> NDArray[np.float32]:
@@ -328,42 +311,21 @@ def _mean(values: NDArray[Any], scene: Scene) -> float:
 
 @contextmanager
 def quiet() -> Iterator[None]:
-    """Turns off gradients, and log lines as `_unlogged` does."""
-    _, torch = _colorvideovdp()
-    with _unlogged(), torch.no_grad():
+    """Turns off gradients, and log lines below errors.
+
+    Raises
+    ------
+    Missing
+        If cvvdp is not installed.
+    """
+    _colorvideovdp()
+    with colorvideovdp_quiet():
         yield
 
 
-@contextmanager
-def _unlogged() -> Iterator[None]:
-    """No log lines below errors: what domes show is below 1 cd/m², and warned of."""
-    before = logging.root.manager.disable
-    logging.disable(logging.WARNING)
+def _colorvideovdp() -> None:
+    """Imports ColorVideoVDP, which takes seconds."""
     try:
-        yield
-    finally:
-        logging.disable(before)
-
-
-@cache
-def _colorvideovdp() -> tuple[Any, Any]:
-    """ColorVideoVDP's module and torch, which take seconds to import."""
-    try:
-        import torch  # noqa: PLC0415
-
-        try:
-            import pycvvdp  # noqa: PLC0415
-        except RuntimeError as error:
-            if "torchvision::nms" not in str(error):
-                raise
-            # A torchvision for another torch lacks its compiled operators, which nobody calls here
-            library = torch.library.Library("torchvision", "FRAGMENT")
-            for operator in ("nms", "qnms"):
-                boxes = "(Tensor dets, Tensor scores, float iou_threshold) -> Tensor"
-                library.define(operator + boxes)
-            import pycvvdp  # noqa: PLC0415
-
-            pycvvdp.operators = library  # they live as long as it does
-    except ImportError as error:
-        raise Missing("needs ColorVideoVDP: pip install 'domesim[metrics]'") from error
-    return pycvvdp, torch
+        library()
+    except InputError as error:
+        raise Missing(str(error)) from None

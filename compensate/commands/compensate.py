@@ -52,6 +52,14 @@ def compensate(
             show_default=False,
         ),
     ] = None,
+    films: Annotated[
+        int,
+        typer.Option(
+            help="Sequences: how many of the worst clips of two seconds to judge as films, by "
+            "ColorVideoVDP, which sees changes (extra metrics; a minute each, or more).",
+            min=0,
+        ),
+    ] = 0,
 ) -> None:
     """Compute the frames to project, so that the audience sees the master as closely as can be."""
     console = telling.console()
@@ -71,4 +79,5 @@ def compensate(
         writing=results.writing(repair=masters.repair),
         facts=place.about(scene),
         pages=pages,
+        clips=films,
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -17,7 +17,9 @@ from compensate.master import Solution, solve_frame
 from compensate.methods import Solver, perceptual, require_method
 from compensate.pose import Eye, Posed, Stage
 from compensate.ruler import NO_DIFFERENCE, agreeing, compared
+from compensate.shows.films import films_lost
 from compensate.shows.over_time import timeline
+from compensate.solve import solved
 from compensate.solver.accelerated import Accelerated
 from compensate.solver.result import Status
 from compensate.steps import COARSE, are_fine, visible_steps
@@ -27,6 +29,7 @@ from compensate.weighting import PerceptualWeighting
 from domesim.errors import InputError
 from domesim.frames import Master
 from domesim.host.numbers import decimal, percent
+from domesim.light import Light
 from domesim.scene import Scene, StereoScene
 from domesim.scene.choice import SceneChoice
 from domesim.scene.screening import decoded, decoder
@@ -283,6 +286,21 @@ class Compensating(Recipe):
     def resources(self) -> dict[str, float]:
         """See `Recipe`: a GPU, if one computes."""
         return {"GPU": 1} if self.device.partition(":")[0] == "cuda" else {}
+
+    def film(self, masters: Iterable[Master], rate: float) -> dict[str, float]:
+        """See `Recipe`: as shown before rounding, subtracted, and untouched."""
+        theatre = self.scene.load()
+        solver = self.solver(theatre, lambda text: None)
+        stage = Stage(theatre, self.weighting(theatre))
+
+        def shown(master: Master) -> tuple[Posed, dict[str, Light]]:
+            posed, _ = stage.pose_frame(master)
+            chosen = SpatiallyWeighted(posed, self._masked(posed)) if self.spatial else solver
+            light = solved(posed, self.method, chosen).light
+            ways = {"as shown": light, "subtracted": posed.subtractive, "untouched": posed.desired}
+            return posed, ways
+
+        return films_lost(map(shown, masters), rate)
 
     compares = True
 

@@ -244,6 +244,7 @@ class Doing:
         facts: dict[str, Any],
         summary: Callable[[Done], dict[str, Any]] | None = None,
         pages: int | None = None,
+        clips: int = 0,
     ) -> None:
         """Do each frame of a show, or only estimate it, print the figures, and end.
 
@@ -257,6 +258,8 @@ class Doing:
             Called with what became of all frames; what the figures say of them together.
         pages
             For how many of the worst frames a page is written, as for `Running`.
+        clips
+            How many of the worst clips are judged as films.
         """
         running = Running(
             self.workers,
@@ -267,6 +270,7 @@ class Doing:
             pages,
             self.frame_timeout,
             self.prune,
+            clips,
         )
         if self.dry_run:
             estimated = estimate(show, self.out, recipe, console, writing, running)

@@ -34,7 +34,7 @@ from domesim.light.ties import ascending
 from domesim.shows.job import Job, versions
 from domesim.shows.sealed import read_sealed
 from domesim.shows.small import small_of
-from domesim.shows.timeline import drawn, named
+from domesim.shows.timeline import Clip, drawn, named
 from domesim.shows.work import Column, Failed, Finished, Judged, Order
 
 EVERY = 3.0
@@ -105,6 +105,8 @@ class Report:
         self._new, self._rate = 0, rate
         self.warnings: list[str] = []
         """What the last page warns of, one a line."""
+        self.films: list[Clip] = []
+        """Clips that were judged as films, the worst first."""
         self._left_out: set[str] = set()
         self._films: dict[str, str] = {}
 
@@ -141,6 +143,18 @@ class Report:
         """
         self._end("ended")
         return self.page
+
+    @property
+    def rate(self) -> float:
+        """Frames a second."""
+        return self._rate
+
+    def loss(self, order: Order) -> float | None:
+        """Returns the first column of a frame; None if it is not done, or has none."""
+        outcome = self._outcomes.get(order.output[0].name)
+        figures = outcome.figures if isinstance(outcome, Finished) else {}
+        value = figures.get(self._columns[0].key)
+        return float(value) if isinstance(value, int | float) else None
 
     def worst(self, count: int) -> list[Order]:
         """Frames of this run that are done, those first whose first column is largest."""
@@ -217,6 +231,7 @@ class Report:
             curves=_curves(self._columns, rows),
             timeline=self._over_time(rows) if state != "running" else None,
             warnings=self.warnings,
+            films=self.films,
             ends=[*rows][:1] + [*rows][-1:],
             verdicts=self._verdicts(rows.values()),
             small=self._recipe.small,

@@ -31,6 +31,7 @@ from domesim.host.writing import note_written, prepare, prepare_folder
 from domesim.shows.alone import alone
 from domesim.shows.checksums import sha256
 from domesim.shows.cinema import Cinema, becoming, dcp_hint
+from domesim.shows.clips import judge_clips
 from domesim.shows.crew import Crew
 from domesim.shows.film import USUAL_RATE, Films, record_of
 from domesim.shows.job import Job, Record, open_job, require_own_results
@@ -87,6 +88,8 @@ class Running:
         Seconds after which a worker that is not done with a frame ends; 0 for never.
     prune
         Remove results whose masters are gone.
+    clips
+        Number of the worst clips of a sequence (`domesim.shows.clips`) that are judged as films.
     """
 
     workers: int | None = None
@@ -97,6 +100,7 @@ class Running:
     pages: int | None = None
     frame_timeout: float = FRAME_TIMEOUT
     prune: bool = False
+    clips: int = 0
 
 
 @final
@@ -256,6 +260,7 @@ def _each(
         _make_films(films, orders, job, report, done, console)
     if recipe.compares and done.report is not None:
         done.failed += _compare(report.worst(pages_of(running, len(orders))), recipe, console)
+        done.failed += judge_clips(report, orders, running.clips, console)
         done.add_report(report)
     kept = f", {done.kept} of them before" if done.kept else ""
     others = sum(frame["settings"] != job.settings for frame in done.frames)

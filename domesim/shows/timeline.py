@@ -74,6 +74,27 @@ class Timeline:
     note: str = ""
 
 
+@final
+@dataclass(frozen=True)
+class Clip:
+    """Consecutive frames, judged as a film.
+
+    Parameters
+    ----------
+    first, last
+        Names of its first frame and of its last.
+    start
+        Seconds from the show's first frame.
+    lost
+        JOD lost, by what is shown.
+    """
+
+    first: str
+    last: str
+    start: float
+    lost: Mapping[str, float]
+
+
 def runs(marked: Sequence[bool]) -> Iterator[tuple[int, int]]:
     """Finds where marks follow one another: places of the first and the last of each run."""
     first = None

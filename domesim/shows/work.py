@@ -15,7 +15,7 @@ import tempfile
 import time
 import traceback
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, field, replace
@@ -201,8 +201,30 @@ class Recipe(ABC):
         """The options of the command line that results depend on, defaults too: name -> value."""
         return {}
 
+    def film(self, masters: Iterable[Master], rate: float) -> dict[str, float]:
+        """Judges consecutive frames as a film.
+
+        Parameters
+        ----------
+        masters
+            The frames.
+        rate
+            Frames a second.
+
+        Returns
+        -------
+        lost
+            JOD lost, by what is shown; the first is what counts.
+
+        Raises
+        ------
+        InputError
+            If what judges films is not installed.
+        """
+        raise NotImplementedError
+
     compares = False
-    """Whether there are pages that compare what may be done with a master."""
+    """Whether there are pages that compare what may be done with a master, and films of it."""
 
     def compare(self, master: Master, page: Path) -> None:
         """Write such a page."""

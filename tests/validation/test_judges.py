@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from compensate.vision.colorvideovdp import library
 from domesim.scene import load_scene
 from testing.masters import night
 from validation import judges
@@ -103,7 +104,7 @@ def test_pictures_of_other_sizes_are_refused(badness):
     ("judge", "package"), [("flip", "flip_evaluator"), ("colorvideovdp", "torch")]
 )
 def test_a_missing_judge_says_how_to_get_it(monkeypatch, judge, package):
-    judges._colorvideovdp.cache_clear()
+    library.cache_clear()
     monkeypatch.setitem(sys.modules, package, None)
     with pytest.raises(Missing, match=r"pip install 'domesim\[metrics\]'"):
         getattr(judges, judge)(even(0.2), even(0.3), SCENE)
