@@ -121,7 +121,11 @@ class MeasuredPair:
             lines += crosstalk.report()
         for table in self.grey_to_grey.values():
             lines += table.report()
-        return lines + self.gamut.report()
+        lines += self.gamut.report()
+        for eye, matrix in zip(EYES, self.common_matrices, strict=True):
+            rows = ", ".join("[" + ", ".join(f"{cell:.5f}" for cell in row) + "]" for row in matrix)
+            lines.append(f"  crosstalk in the common gamut, as scenes have it: to_{eye} = [{rows}]")
+        return lines
 
 
 def measured_pair(

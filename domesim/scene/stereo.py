@@ -38,6 +38,8 @@ from domesim.stereo.system import CircularFilter, PolarisedProjector, SilverScre
 MAP_CELLS = (9, 15)
 """Rows and cols of a crosstalk map that is computed: it is smooth."""
 
+_MUCH = 0.25
+"""Mean crosstalk beyond that of any display that is sold."""
 _UNKNOWN = "not computed, as it is known for crosstalk, but not for lens and room"
 
 SWEET_SPOT = "sweet spot"
@@ -335,7 +337,10 @@ class StereoScene(Scene):
     def facts(self) -> dict[str, str]:
         """See `Scene`."""
         if self.table is None:
-            shares = ", ".join(f"{name} {self.seats[name].mean():.2%}" for name in self.chosen)
+            means = {name: self.seats[name].mean() for name in self.chosen}
+            shares = ", ".join(f"{name} {mean:.2%}" for name, mean in means.items())
+            if max(means.values()) > _MUCH:
+                shares += "; was it typed in percent? 0.5 is half of the light, 0.5 % is 0.005"
         else:
             shares = f"up to {np.abs(self.table[1]).max():.2%} of white, by grey levels"
         return {

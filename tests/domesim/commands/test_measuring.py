@@ -70,6 +70,17 @@ def test_without_noise_nothing_is_left(run, rig, tmp_path):
     assert np.abs(residual(pair, wanted, wanted)[0]).max() > 1e-2
 
 
+def test_the_crosstalk_that_is_printed_is_the_scenes(run, rig, tmp_path):
+    """Whoever copies it into a scene by hand loses nothing."""
+    rig.write_text(Rig(ramps=False).csv())
+    _, out, _ = run("measure", "crosstalk", rig, "--out", tmp_path / "s.toml")
+    lines = [line.partition("as scenes have it: ")[2] for line in out.splitlines()]
+    printed = tomllib.loads("\n".join(line for line in lines if line))
+    (seat,) = load_stereo(tmp_path / "s.toml").seats.values()
+    for matrix, eye in zip(seat.matrices, ("left", "right"), strict=True):
+        assert np.abs(np.array(printed[f"to_{eye}"]) - matrix).max() < 6e-6
+
+
 # The scene file.
 
 

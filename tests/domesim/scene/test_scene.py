@@ -108,3 +108,10 @@ def test_a_mistake_is_named_in_one_line(tmp_path, good, bad, message):
 def test_an_unknown_scene_is_refused(name, message):
     with pytest.raises(InputError, match=message):
         load_scene(name)
+
+
+@pytest.mark.parametrize(("share", "asked"), [(0.005, False), (0.1, False), (0.3, True)])
+def test_a_share_that_looks_like_percent_is_asked_about(share, asked):
+    told = {"share": share, "to_left": None, "to_right": None}
+    scene = load_scene("stereo_spectral", crosstalk=told)
+    assert ("typed in percent" in scene.facts()["Crosstalk"]) == asked
