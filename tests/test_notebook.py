@@ -36,7 +36,7 @@ def test_it_runs(monkeypatch, capsys):
     for number, (kind, text) in enumerate(CELLS):
         if kind == "code":
             before = len(drawn)
-            exec(compile(text, f"{NOTEBOOK.name}, cell {number}", "exec"), names)  # noqa: S102
+            exec(compile(text, f"{NOTEBOOK.name}, cell {number}", "exec"), names)
             assert len(drawn) > before, text
     plt.close("all")
     said = capsys.readouterr().out

@@ -14,16 +14,16 @@ from domesim.commands.options import Json, Quiet
 from domesim.errors import InputError
 from domesim.host.console import Console
 from domesim.host.cores import cores
-from domesim.host.writing import prepare
+from domesim.host.writing import prepare, prepare_folder
 from validation.benchmarks import copying, writing
 from validation.benchmarks import files as file_costs
 from validation.benchmarks.measuring import Cost, Settings, costs
 from validation.benchmarks.problems import PROBLEMS
 from validation.benchmarks.solvers import SOLVERS
 from validation.experiments import EXPERIMENTS
-from validation.report import FAILED, Outcome, duration
+from validation.report import FAILED, Outcome, duration, write_figures
 from validation.report import validate as run_experiments
-from validation.results import NOT_RUN
+from validation.results import NOT_JUDGED, NOT_RUN
 
 
 def validate(
@@ -42,6 +42,10 @@ def validate(
     fresh: Annotated[
         bool, typer.Option("--fresh", help="Measure anew what the folder already holds.")
     ] = False,
+    figures: Annotated[
+        Path | None,
+        typer.Option(help="Folder for each plot as SVG and PDF, and its data and tables as CSV."),
+    ] = None,
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
@@ -52,15 +56,20 @@ def validate(
     console = Console(quiet=quiet, json=json)
     names = EXPERIMENTS if only is None else tuple(name.strip() for name in only.split(","))
     prepare(out / "report.html", out / "results.json")
+    if figures is not None:
+        prepare_folder(figures)
     with console.progress("validating", len(names)) as start:
         run = run_experiments(
             out, Listener(console, start), names=names, quick=quick, seed=seed, fresh=fresh
         )
+    written = [] if figures is None else write_figures(run, figures)
     bad = [one.name for one in run.outcomes if one.status in FAILED]
+    unjudged = [one.name for one in run.outcomes if one.status == NOT_JUDGED]
     console.figures(
         {
             "report": str(out / "report.html"),
             "passed": run.passed,
+            "written": [str(path) for path in written],
             "experiments": {one.name: one.status for one in run.outcomes},
             "figures": run.results.figures,
         }
@@ -68,6 +77,7 @@ def validate(
     console.say(
         f"{len(names)} of {len(EXPERIMENTS)} experiments, {duration(run.seconds)}: "
         + (f"not as expected: {', '.join(bad)}" if bad else "nothing other than expected")
+        + (f"; not judged: {', '.join(unjudged)}" if unjudged else "")
     )
     console.say(f"Open {(out / 'report.html').resolve()}")
     if bad:

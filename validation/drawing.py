@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import csv
 import io
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -43,9 +44,38 @@ def plot(
     with mpl.rc_context(_STYLE):
         figure = Figure(figsize=size, layout="constrained")
         draw(figure.add_subplot())
-        memory = io.StringIO()
-        figure.savefig(memory, format="svg", metadata={"Date": None}, transparent=True)
-    return Plot(caption=caption, alt=alt, svg=memory.getvalue())
+        data = _drawn(figure.axes[0])
+        svg, pdf = io.StringIO(), io.BytesIO()
+        figure.savefig(svg, format="svg", metadata={"Date": None}, transparent=True)
+        figure.savefig(pdf, format="pdf", metadata={"CreationDate": None}, transparent=True)
+    return Plot(caption=caption, alt=alt, svg=svg.getvalue(), pdf=pdf.getvalue(), data=data)
+
+
+def _drawn(axes: Any) -> str:
+    """What lines, points and bars of axes show, in CSV: series, x, y."""
+    from matplotlib.collections import PathCollection  # noqa: PLC0415
+
+    series = [(line.get_label(), line.get_xydata()) for line in axes.lines]
+    series += [
+        (points.get_label(), points.get_offsets())
+        for points in axes.collections
+        if isinstance(points, PathCollection)  # others are areas and error bars
+    ]
+    for bars in axes.containers:
+        if getattr(bars, "orientation", None) is None:
+            continue
+        upright = bars.orientation == "vertical"
+        middles = [bar.get_center()[0 if upright else 1] for bar in bars]
+        lengths = list(bars.datavalues)
+        pairs = zip(middles, lengths, strict=True)
+        series.append((bars.get_label(), [p if upright else p[::-1] for p in pairs]))
+    memory = io.StringIO()
+    rows = csv.writer(memory, lineterminator="\n")
+    rows.writerow(("series", axes.get_xlabel() or "x", axes.get_ylabel() or "y"))
+    for number, (label, points) in enumerate(series, 1):
+        name = str(number) if str(label).startswith("_") else label
+        rows.writerows((name, f"{x:.9g}", f"{y:.9g}") for x, y in np.asarray(points, np.float64))
+    return memory.getvalue()
 
 
 def legend_beside(axes: Any) -> None:

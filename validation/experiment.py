@@ -7,10 +7,12 @@ hold nothing but text and numbers. What its steps return is stored, and read bac
 
 from __future__ import annotations
 
+import csv
 import functools
 import hashlib
 import importlib
 import inspect
+import io
 import math
 import re
 import time
@@ -140,6 +142,16 @@ class Table:
             any(isinstance(row[c], Real) for row in self.rows) for c in range(len(self.columns))
         ]
 
+    @property
+    def csv(self) -> str:
+        """The figures as they are, in CSV; a heading has its unit."""
+        memory = io.StringIO()
+        rows = csv.writer(memory, lineterminator="\n")
+        heads = (f"{each.name}, {each.unit}" if each.unit else each.name for each in self.columns)
+        rows.writerow(heads)
+        rows.writerows(self.rows)
+        return memory.getvalue()
+
     def written(self) -> Iterator[list[str]]:
         """Rows as text."""
         for row in self.rows:
@@ -149,11 +161,16 @@ class Table:
 @final
 @dataclass(frozen=True)
 class Plot:
-    """A diagram, as SVG; `alt` says what it shows to those who cannot see it."""
+    """A diagram, as SVG and PDF; `alt` says what it shows to those who cannot see it.
+
+    `data` is what is drawn, in CSV.
+    """
 
     caption: str
     alt: str
     svg: str
+    pdf: bytes = b""
+    data: str = ""
 
 
 @final
@@ -194,6 +211,8 @@ class Finding:
         To be quoted by README and docs, by name.
     left_out
         What was not measured, and why.
+    judged
+        Whether the judges that it is about were asked.
     """
 
     result: str
@@ -204,6 +223,7 @@ class Finding:
     pictures: tuple[Pictures, ...] = ()
     figures: Mapping[str, float | None] = field(default_factory=dict)
     left_out: tuple[str, ...] = ()
+    judged: bool = True
 
     def __post_init__(self) -> None:
         """Refuse a finding that could not fail."""

@@ -23,13 +23,22 @@ from jinja2 import Environment, StrictUndefined
 from domesim.errors import InputError
 from domesim.frames import write_whole
 from domesim.host.cores import cores
-from domesim.host.writing import is_own, remove_own, require_own
+from domesim.host.writing import is_own, prepare, remove_own, require_own
 from domesim.pathtrace.llvm import told
 from domesim.pathtrace.tracer import all_or_nothing
 from validation.experiment import Experiment, Finding, Missing, Work, load_experiment
 from validation.experiments import EXPERIMENTS, GROUPS
 from validation.origin import digest
-from validation.results import AS_EXPECTED, BROKEN, NOT_AS_EXPECTED, NOT_RUN, Entry, Results, Status
+from validation.results import (
+    AS_EXPECTED,
+    BROKEN,
+    NOT_AS_EXPECTED,
+    NOT_JUDGED,
+    NOT_RUN,
+    Entry,
+    Results,
+    Status,
+)
 
 STEPS, HEARD = ".domesim-steps", "heard"
 """Folder of finished steps, in the output folder, and of what judges said, in that."""
@@ -79,7 +88,7 @@ class Outcome:
 
     @property
     def status(self) -> str:
-        """As expected, or not; not run; broken."""
+        """As expected, or not; not judged; not run; broken."""
         return self.entry.status
 
 
@@ -219,10 +228,47 @@ def report_page(run: Run) -> str:
         available=len(EXPERIMENTS),
         groups={title: outcomes for title, outcomes in groups.items() if outcomes},
         failed=[one for one in run.outcomes if one.status in FAILED],
+        not_judged=[one for one in run.outcomes if one.status == NOT_JUDGED],
         not_run=[one for one in run.outcomes if one.status == NOT_RUN],
         advice=[one for one in run.outcomes if one.finding and one.finding.advice],
         style=_resource("report.css"),
     )
+
+
+def write_figures(run: Run, folder: Path) -> list[Path]:
+    """Write what a run drew and counted, for a paper.
+
+    Parameters
+    ----------
+    run
+        Its outcomes.
+    folder
+        Where to.
+
+    Returns
+    -------
+    written
+        Of each plot EXPERIMENT-plot-N.svg, .pdf and .csv; of each table EXPERIMENT-table-N.csv.
+
+    Raises
+    ------
+    InputError
+        If the folder cannot be written.
+    """
+    files: dict[str, bytes] = {}
+    for one in run.outcomes:
+        if one.finding is None:
+            continue
+        for number, plot in enumerate(one.finding.plots, 1):
+            stem = f"{one.name}-plot-{number}"
+            files |= {f"{stem}.svg": plot.svg.encode(), f"{stem}.pdf": plot.pdf}
+            files[f"{stem}.csv"] = plot.data.encode()
+        for number, table in enumerate(one.finding.tables, 1):
+            files[f"{one.name}-table-{number}.csv"] = table.csv.encode()
+    prepare(*(folder / name for name in files))
+    for name, content in files.items():
+        write_whole(folder / name, content)
+    return [folder / name for name in files]
 
 
 def duration(seconds: float) -> str:
@@ -254,7 +300,9 @@ def _outcome(experiment: Experiment, work: Work, machine: Mapping[str, str], cod
     try:
         with all_or_nothing():
             finding = experiment.run(work)
-        status = AS_EXPECTED if finding.passed else NOT_AS_EXPECTED
+        status = AS_EXPECTED if finding.judged else NOT_JUDGED
+        if not finding.passed:
+            status = NOT_AS_EXPECTED
     except Missing as missing:
         status, note = NOT_RUN, str(missing)
     except Exception:

@@ -19,9 +19,10 @@ from validation.experiment import Number, Record
 from validation.experiments import EXPERIMENTS
 from validation.origin import ROOT, digest
 
-Status = Literal["as expected", "not as expected", "not run", "broken"]
+Status = Literal["as expected", "not as expected", "not judged", "not run", "broken"]
 AS_EXPECTED: Final = "as expected"
 NOT_AS_EXPECTED: Final = "not as expected"
+NOT_JUDGED: Final = "not judged"
 NOT_RUN: Final = "not run"
 BROKEN: Final = "broken"
 MEASURED = (AS_EXPECTED, NOT_AS_EXPECTED)

@@ -282,8 +282,8 @@ def tabulate(
     console.say(
         f"{theatre.name}: a white picture's reflected light is {_per_primary(gain)} of its direct "
         f"light (closed form of the bare screen: {_per_primary(closed)})",
-        f"standard error {percent(figures['relative_error'])} of it after {tabulation.walks:,.0f} "
-        f"paths, {decimal(tabulation.seconds, 2)} CPU-s. {tabulation.status.value}",
+        f"standard error {percent(figures['relative_error'])} of it {_after(tabulation.walks)}, "
+        f"{decimal(tabulation.seconds, 2)} CPU-s. {tabulation.status.value}",
     )
     interrupted = tabulation.status is Status.INTERRUPTED
     if check and not interrupted:
@@ -411,9 +411,11 @@ def _second_opinion(
     from domesim.pathtrace.tabulate import tabulate as traced  # noqa: PLC0415
 
     theatre, method = replace(scene.theatre, lamps=()), "radiosity"
+    words = method
     if first_opinion.walks == 0:
         method = "path tracing"
-        other = traced(theatre, error=1e-3, most=1e8, explicit=False).transport
+        walked = traced(theatre, error=1e-3, most=1e8, explicit=False)
+        other, words = walked.transport, f"{method} {_after(walked.walks)}"
     else:
         try:
             other = radiosity(theatre)
@@ -424,8 +426,13 @@ def _second_opinion(
     gain, first = other.mean_gain(), first_opinion.transport.mean_gain()
     # Of a black primary there is nothing to compare.
     apart = float(np.max(np.abs(gain - first) / np.maximum(first, 1e-30)))
-    console.say(f"Second opinion: {method} finds {_per_primary(gain)}, {apart:.2%} apart")
+    console.say(f"Second opinion: {words} finds {_per_primary(gain)}, {apart:.2%} apart")
     return {"method": method, "mean_gain": gain.tolist(), "apart": apart}
+
+
+def _after(walks: int) -> str:
+    """How many paths were traced, in words."""
+    return f"after {walks:,.0f} paths" if walks else "by radiosity alone"
 
 
 def _picture(

@@ -34,6 +34,7 @@ def test_without_judges_the_laws_hold(tmp_path):
     finding = quality.run(Work(store=tmp_path))
     assert failed(finding) == []
     assert quality.run(Work(store=tmp_path)) == finding  # killed and resumed
+    assert not finding.judged
     assert any("not judged in a quick run" in why for why in finding.left_out)
     ways = len(WAYS) + len(SLOW) + len(KNOB)
     assert [len(one.panels) for one in finding.pictures] == [1 + ways] * 2

@@ -55,6 +55,7 @@ class Stub:
     found: float = 1.0
     raises: BaseException | None = None
     runs: int = 0
+    judged: bool = True
 
     def run(self, work: Work) -> Finding:
         def measure() -> float:
@@ -79,6 +80,7 @@ class Stub:
             pictures=(Pictures(caption="Dots.", panels=(Panel(title="A", alt="A", data=PIXEL),)),),
             figures={"stub.figure": value},
             left_out=("The rest.",),
+            judged=self.judged,
         )
 
 
@@ -106,6 +108,54 @@ NAMES = experiments.EXPERIMENTS[:3]
 def run(folder: Path, **settings) -> report.Run:
     folder.mkdir(exist_ok=True)
     return report.validate(folder, Silent(), **{"names": NAMES, **settings})
+
+
+def test_what_was_not_judged_is_not_as_expected(stubs, tmp_path):
+    """Nor is it a failure; what is not as expected is that, judged or not."""
+    for stub in stubs.values():
+        stub.judged = False
+    stubs[NAMES[1]].found = 3.0
+    done = run(tmp_path)
+    assert [one.status for one in done.outcomes] == ["not judged", "not as expected", "not judged"]
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "<strong>Not judged:</strong>" in page
+    stubs[NAMES[1]].found = 1.0
+    done = run(tmp_path, fresh=True)
+    assert done.passed
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "Nothing could be judged here" in page
+    assert "met the limits" not in page
+
+
+def test_figures_are_written_for_a_paper(stubs, tmp_path):
+    stubs[NAMES[2]].raises = Missing("needs a moon")
+    done = run(tmp_path / "run")
+    names = {path.name for path in report.write_figures(done, tmp_path / "figures")}
+    first = NAMES[0]
+    assert names == {path.name for path in (tmp_path / "figures").iterdir() if path.suffix}
+    assert len(names) == 8
+    assert (tmp_path / "figures" / f"{first}-plot-1.pdf").read_bytes().startswith(b"%PDF")
+    assert "<svg" in (tmp_path / "figures" / f"{first}-plot-1.svg").read_text()
+    read = (tmp_path / "figures" / f"{first}-plot-1.csv").read_text()
+    assert read == "series,x,y\n1,0,1\n1,1,2\n"
+    assert (tmp_path / "figures" / f"{first}-table-1.csv").read_text() == (
+        f'what,"much, m"\n{"a" * 30},1.0\nb,\n'
+    )
+
+
+def test_data_of_a_plot_are_lines_points_and_bars():
+    def draw(axes):
+        axes.plot([1, 2], [3, 4], label="line")
+        axes.scatter([5], [6], label="points")
+        axes.barh([0, 1], [7, 8], label="bars")
+        axes.fill_between([0, 1], [0, 0], [1, 1])
+        axes.set(xlabel="length, m")
+
+    rows = plot("A plot.", "All kinds.", draw).data.splitlines()
+    assert rows == [
+        'series,"length, m"' + ",y",
+        *("line,1,3", "line,2,4", "points,5,6", "bars,7,0", "bars,8,1"),
+    ]
 
 
 def test_every_module_is_listed_and_says_what_it_claims():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import re
 import signal
 import subprocess
 import sys
@@ -415,6 +416,18 @@ def test_radiosity_is_of_the_same_opinion(hall: tuple[Path, dict[str, Any]]) -> 
     apart = np.abs(np.array(opinion["mean_gain"]) / gain - 1).max()
     assert opinion["apart"] == pytest.approx(apart, rel=1e-6)
     assert apart < 4 * figures["relative_error"] + 5e-4  # what six rings of patches cost
+
+
+def test_paths_are_told_where_there_were_some(folder: Path) -> None:
+    """A floor that meets the screen is known by radiosity alone; the second opinion is of paths."""
+    scene = folder / "sunk.toml"
+    scene.write_text(
+        'name = "sunk"\n[dome]\nradius_m = 3.0\n[screen]\nalbedo = 0.4\n[floor]\nheight_m = -0.1\n'
+        "albedo = 0.2\n[projector]\nwhite_cd_m2 = 10.0\n[viewing]\nadaptation_cd_m2 = 1.0\n"
+    )
+    outcome = domesim("tabulate", scene, "--out", folder / "sunk.npz")
+    assert re.search(r"standard error \S+ % of it by radiosity alone, ", outcome.out)
+    assert re.search(r"Second opinion: path tracing after [1-9][0-9,]+ paths finds 0", outcome.out)
 
 
 def test_a_table_is_what_render_shows(folder: Path, hall: tuple[Path, dict[str, Any]]) -> None:

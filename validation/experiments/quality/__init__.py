@@ -67,6 +67,7 @@ def run(work: Work) -> Finding:
         pictures=tuple(pictures),
         figures=verdict.figures(cells, wanted),
         left_out=tuple(left_out),
+        judged=not (missing or work.quick),
     )
 
 
