@@ -7,12 +7,13 @@ from pathlib import Path
 
 import numpy as np
 
-from domesim.errors import InputError
+from domesim.errors import HopelessError, InputError
 from domesim.frames.colour import TRANSFER_NAMES
 from domesim.frames.eyes import Eyes
 from domesim.frames.frame import Frame, Pixels
 from domesim.frames.reading import listed
 from domesim.frames.stereo_exr import channels_by_view, stated_views
+from domesim.frames.timing import differing
 from domesim.frames.video import EYES, eye_of, file_of
 
 
@@ -88,6 +89,17 @@ def refuse_mistaken_pair(frames: Sequence[Frame], *, allow_identical: bool) -> N
         raise InputError(
             f"{where}: wanted one encoding of left and right, got {' and '.join(encodings)}. "
             "Convert one of them where it was made, or say what both are (--encoding)."
+        )
+    if left.header.legal != right.header.legal:
+        ranges = " and ".join("legal" if one.header.legal else "full" for one in frames)
+        raise HopelessError(
+            f"{where}: wanted one range of left and right, got {ranges}. Render both alike, or "
+            "correct the headers."
+        )
+    if apart := differing(left, right):
+        raise HopelessError(
+            f"{where}: wanted left and right of one moment, got {apart}. Name the frames that "
+            "belong together, or correct the headers."
         )
     identical = np.array_equal(left.pixels, right.pixels)
     if identical and not allow_identical and not _is_plain(left.pixels):

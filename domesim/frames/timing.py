@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
@@ -11,9 +11,12 @@ from pathlib import Path
 from typing import Any, final
 
 from domesim.errors import InputError
+from domesim.frames.frame import Frame
 from domesim.frames.reading import attributes_of, opened
 from domesim.frames.video import rate_and_timecode, video_of
 
+USUAL_RATE = Fraction(24)
+"""Frames a second where neither the master nor anybody says so."""
 RATES = (1, 1000)
 """Frames a second that are plausible."""
 
@@ -37,17 +40,40 @@ class Timing:
     timecode: str = ""
 
 
-def timing_of(path: Path, usual: Fraction) -> Timing:
+def timing_of(path: Path, usual: Fraction = USUAL_RATE) -> Timing:
     """What a frame's file says; the `usual` rate where it says none."""
     if video_of(path) is not None:
         return Timing(*rate_and_timecode(path))
     with suppress(InputError):
         with opened(path) as (reader, form):
             stated = attributes_of(path, reader.spec(), form)
-        attributes = {name: value for name, _, value in stated}
-        rate = _rate(attributes) or usual
-        return Timing(rate, _timecode(attributes.get("smpte:TimeCode"), rate))
+        rate, timecode = _told(stated, usual)
+        return Timing(rate or usual, timecode)
     return Timing(usual)
+
+
+def differing(left: Frame, right: Frame) -> str:
+    """When two frames are shown, in words, if both say it and it differs; else ""."""
+    told = []
+    for frame in (left, right):
+        if video_of(frame.path) is None:
+            told.append(_told(frame.header.attributes))
+        else:
+            told.append(rate_and_timecode(frame.path))
+    (rate, timecode), (other, later) = told
+    if rate and other and rate != other:
+        return f"{float(rate):g} and {float(other):g} frames a second"
+    if timecode and later and timecode != later:
+        return f"time codes {timecode} and {later}"
+    return ""
+
+
+def _told(
+    stated: Iterable[tuple[str, str, Any]], usual: Fraction = USUAL_RATE
+) -> tuple[Fraction | None, str]:
+    attributes = {name: value for name, _, value in stated}
+    rate = _rate(attributes)
+    return rate, _timecode(attributes.get("smpte:TimeCode"), rate or usual)
 
 
 def exact_rate(rate: float) -> Fraction:

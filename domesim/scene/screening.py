@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from domesim.advice import ADVICE
-from domesim.errors import InputError
+from domesim.errors import HopelessError, InputError
 from domesim.frames import Master
 from domesim.frames.frame import Pixels
 from domesim.frames.video import video_of
@@ -138,13 +138,13 @@ def _require_views(master: Master, scene: Scene) -> None:
     if len(master.frames) == scene.views:
         return
     if scene.views == 1:
-        raise InputError(
+        raise HopelessError(
             f"{master.path}: wanted {scene.masters} for {scene.name}, got left and right. Do each "
             f"alone, or choose a stereo scene."
         )
     eyes = master.frames[0].header.eyes
     packing = "" if eyes is None else f" {eyes.packing}, as it says itself"
-    raise InputError(
+    raise HopelessError(
         f"{master.path}: wanted left and right for {scene.name}, got one picture"
         f"{master.of_several}. Name both (--left L.####.exr --right R.####.exr), or say how they "
         f"are packed (--packing{packing})."

@@ -13,7 +13,6 @@ import json
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from fractions import Fraction
 from itertools import chain
 from pathlib import Path
 from typing import Any, final
@@ -32,9 +31,6 @@ from domesim.shows.sealed import read_sealed, write_sealed
 from domesim.shows.sequences import refuse_inputs
 from domesim.shows.show import Show
 from domesim.shows.work import Files, Order, Writing
-
-USUAL_RATE = Fraction(24)
-"""Frames a second where neither the master nor anybody says so."""
 
 _NUMBER = re.compile(r"[._-]?[0-9]+(?!.*[0-9])")
 
@@ -226,7 +222,7 @@ def place_of(output: Path, suffix: str) -> Path:
 
 def timing_asked(show: Show, fps: float | None) -> Timing:
     """Timing as asked for, as the first master says, or the usual."""
-    timing = timing_of(show.moments[0][0], USUAL_RATE)
+    timing = timing_of(show.moments[0][0])
     if fps is None or abs(fps - timing.rate) < 1e-3:
         return timing
     if not RATES[0] <= fps <= RATES[1]:

@@ -22,7 +22,7 @@ import psutil
 from domesim.errors import InputError
 from domesim.frames.messages import joined
 from domesim.frames.reading import size_of
-from domesim.frames.timing import timing_of
+from domesim.frames.timing import USUAL_RATE, timing_of
 from domesim.frames.video import video_of
 from domesim.host.console import Console, complain, sized
 from domesim.host.cores import cores
@@ -33,7 +33,7 @@ from domesim.shows.checksums import sha256
 from domesim.shows.cinema import Cinema, becoming, dcp_hint
 from domesim.shows.clips import judge_clips
 from domesim.shows.crew import Crew
-from domesim.shows.film import USUAL_RATE, Films, record_of
+from domesim.shows.film import Films, record_of
 from domesim.shows.job import Job, Record, open_job, require_own_results
 from domesim.shows.report import Report, page_name, unlike
 from domesim.shows.sequences import refuse_inputs
@@ -275,7 +275,7 @@ def _rate(orders: Sequence[Order], films: Films | Cinema | None) -> float:
     if isinstance(films, Films):
         return float(films.timing.rate)
     with suppress(InputError):  # whoever does it will say so
-        return float(timing_of(orders[0].moment[0], USUAL_RATE).rate)
+        return float(timing_of(orders[0].moment[0]).rate)
     return float(USUAL_RATE)
 
 

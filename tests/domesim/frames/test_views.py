@@ -587,6 +587,38 @@ def test_encodings_that_differ_are_refused(tmp_path: Path) -> None:
     assert "got linear BT.709 (assumed for EXR) and sRGB BT.709 (file: sRGB)" in message
 
 
+@pytest.mark.parametrize(
+    ("said", "apart"),
+    [
+        (
+            {"smpte:TimeCode": ("timecode", (0x01000003, 0))},
+            "time codes 01:00:00:01 and 01:00:00:03",
+        ),
+        ({"FramesPerSecond": ("rational", (25, 1))}, "24 and 25 frames a second"),
+    ],
+)
+def test_frames_of_two_moments_are_refused(
+    tmp_path: Path, said: dict[str, object], apart: str
+) -> None:
+    one = {
+        "smpte:TimeCode": ("timecode", (0x01000001, 0)),
+        "FramesPerSecond": ("rational", (24, 1)),
+    }
+    left = plain(tmp_path / "L.exr", 0, **one)
+    assert len(read_master([left, plain(tmp_path / "same.exr", 1, **one)]).frames) == 2
+    assert len(read_master([left, plain(tmp_path / "silent.exr", 1)]).frames) == 2
+    other = plain(tmp_path / "R.exr", 1, **one | said)
+    assert f"wanted left and right of one moment, got {apart}" in refusal(left, other)
+
+
+def test_ranges_that_differ_are_refused(tmp_path: Path) -> None:
+    said = {"dpx:LowData": ("uint", 16 << 8), "dpx:HighData": ("uint", 235 << 8)}
+    left = plain(tmp_path / "L.dpx", 0, "uint16", **said)
+    assert len(read_master([left, plain(tmp_path / "same.dpx", 1, "uint16", **said)]).frames) == 2
+    other = plain(tmp_path / "R.dpx", 1, "uint16")
+    assert "wanted one range of left and right, got legal and full" in refusal(left, other)
+
+
 def test_the_same_file_twice_is_refused(tmp_path: Path) -> None:
     left = plain(tmp_path / "L.exr")
     (tmp_path / "soft.exr").symlink_to(left)

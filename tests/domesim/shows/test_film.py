@@ -20,12 +20,12 @@ from domesim.errors import InputError
 from domesim.frames import ColourTag, Frame, read_frame, write_frame
 from domesim.frames.encodings import encoding_named
 from domesim.frames.film import write_film
-from domesim.frames.timing import Timing, exact_rate, timing_of
+from domesim.frames.timing import USUAL_RATE, Timing, exact_rate, timing_of
 from domesim.frames.video import frame_paths
 from domesim.host.console import Console
 from domesim.shows import job
 from domesim.shows.estimate import estimate
-from domesim.shows.film import USUAL_RATE, Films
+from domesim.shows.film import Films
 from domesim.shows.job import open_job, sha256
 from domesim.shows.run import Done, Running
 from domesim.shows.show import find_show
