@@ -16,7 +16,6 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
-from compensate.aim.dome import Planes
 from compensate.foresight import Foreseen, foreseen
 from compensate.ghosts import edge_energy, ghost_contour
 from compensate.overview import Overview, Seen
@@ -26,6 +25,7 @@ from compensate.ruler import Ruler, averaged
 from compensate.solver.result import Result
 from compensate.weighting import Weighting
 from domesim.light import Light
+from domesim.light.planes import Index, Planes
 from domesim.light.rounding import is_rounding
 from domesim.light.strips import in_strips
 from domesim.observation.grey_to_grey import GreyToGrey
@@ -191,7 +191,7 @@ class Appraisal:
     @cached_property
     def _subtraction(self) -> tuple[float, dict[str, float]]:
         """`clipped`, and the losses of exact clipped subtraction."""
-        posed, pixels = self.posed, len(self.posed.desired) * np.count_nonzero(self._screen)
+        posed, pixels = self.posed, self._scene.views * np.count_nonzero(self._screen)
         floor = posed.floor
         if posed.exact:
             return 0.0, dict.fromkeys(self._rulers, 0.0)
@@ -199,9 +199,9 @@ class Appraisal:
             return self._clipped_of_pictures() / pixels, self._losses(self._averaged(posed.shown))
         counts = []
 
-        def projected(_: int, rows: slice) -> list[NDArray[Any]]:
-            light, left = floor.projected(rows)
-            counts.append(self._too_bright(left, rows))
+        def projected(_: int, rows: Index, cols: Index) -> list[NDArray[Any]]:
+            light, left = floor.projected(rows, cols)
+            counts.append(self._too_bright(left, (rows, cols)))
             return light
 
         losses = self._losses(self._overview.of(projected).small)
@@ -216,7 +216,9 @@ class Appraisal:
 
         def count(view: int, rows: slice) -> int:
             part = shown[view, rows] - wanted[view, rows]
-            return self._too_bright([part[..., p] for p in range(part.shape[-1])], rows)
+            return self._too_bright(
+                [part[..., p] for p in range(part.shape[-1])], (rows, slice(None))
+            )
 
         return sum(in_strips(count, shown.shape))
 
@@ -231,7 +233,10 @@ class Appraisal:
     @cached_property
     def loss_before(self) -> float:
         """`loss` of the untouched master."""
-        return self._untouched[2] if not self.posed.exact else self.loss(self.posed.desired)
+        if not self.posed.exact:
+            return self._untouched[2]
+        seen = self._desired or self._overview.of(self.posed.desired)
+        return _mean(self._losses(seen.small))
 
     @cached_property
     def _untouched(self) -> tuple[float, NDArray[np.floating], float, float]:
@@ -246,7 +251,7 @@ class Appraisal:
             assert excited is not None  # of a dome of one view
             weights = projector.luminance_weights
             pollution = self._overview.pollution(excited, weights) * projector.white
-            ghost = projector.luminance(posed.desired[:0])
+            ghost = np.zeros((0, *self._screen.shape), np.float32)
         else:
             residual = posed.observation.observe(posed.desired)
             small = self._averaged(residual)
@@ -261,10 +266,10 @@ class Appraisal:
     def _overview(self) -> Overview:
         return self.posed.setting.overview
 
-    @cached_property
+    @property
     def _desired(self) -> Seen | None:
         """What is seen of the untouched master in a dome of one view."""
-        return None if self.posed.floor is None else self._overview.of(self.posed.desired)
+        return self.posed.seen_untouched
 
     @cached_property
     def _wanted(self) -> Light:
@@ -273,10 +278,10 @@ class Appraisal:
             return self._desired.own
         return self._averaged(self.posed.wanted)
 
-    def _too_bright(self, planes: Sequence[NDArray[np.floating]], rows: slice) -> int:
+    def _too_bright(self, planes: Sequence[NDArray[np.floating]], at: tuple[Index, Index]) -> int:
         """How many pixels of the screen show more light than they should, in some primary."""
         too_bright = reduce(np.logical_or, (plane > _INVISIBLE_LIGHT for plane in planes))
-        return int(np.count_nonzero(too_bright & self._screen[rows]))
+        return int(np.count_nonzero(too_bright & self._screen[at]))
 
     def visible_error(self, light: Light) -> float:
         """Computes the weighted residual over the screen, JND rms.
@@ -360,7 +365,8 @@ class Appraisal:
 
     @cached_property
     def _plain(self) -> PlainRuler:
-        wanted, small = (self._of_first_seat(each) for each in (self.posed.wanted, self._wanted))
+        posed, small = self.posed, self._of_first_seat(self._wanted)
+        wanted = posed.own_planes if posed.floor else self._of_first_seat(posed.wanted)
         return PlainRuler(wanted, self._scene, self._screen, small)
 
     def _of_first_seat(self, light: Light) -> Light:

@@ -13,12 +13,12 @@ from typing import Any, NamedTuple, final
 import numpy as np
 from numpy.typing import NDArray
 
-from compensate.aim.dome import Planes, planes_of
 from compensate.plain import Around, around_of, around_of_plane
 from compensate.ruler import averaged, block_of
 from domesim.light import Light
-from domesim.light.blocks import block_sums
-from domesim.light.strips import in_strips, summed
+from domesim.light.blocks import block_sums_within
+from domesim.light.planes import Columns, Planes, planes_of
+from domesim.light.strips import in_strips, product
 from domesim.observation.base import Observation
 from domesim.observation.lowrank import LowRank, LowRankObservation
 
@@ -60,6 +60,7 @@ class Overview:
         self, observation: Observation, screen: NDArray[np.bool_], areas: NDArray[np.floating]
     ) -> None:
         self._observation, self._screen, self._areas = observation, screen, areas
+        self._columns = Columns(screen)
 
     def of(self, light: Light | Planes) -> Seen:
         """Looks at what is seen of light.
@@ -67,8 +68,8 @@ class Overview:
         Parameters
         ----------
         light
-            (view, row, col, primary) that is projected; of a dome of one view also what tells it
-            of some rows.
+            (view, row, col, primary) that is projected; of a dome of one view also what tells it.
+            Each pixel of the screen is asked for once.
 
         Returns
         -------
@@ -79,7 +80,7 @@ class Overview:
         if not isinstance(observation, LowRankObservation):
             assert not callable(light)  # as of a dome of one view alone
             return Seen(averaged(observation.observe(light), self._screen), None, None)
-        planes = light if callable(light) else partial(planes_of, light)
+        planes = light if callable(light) else planes_of(light)
         sums, collected = self._summed(planes)
         excited = (self._factors.core @ collected[:, :, None])[:, :, 0]
         modes, room = self._small
@@ -88,13 +89,13 @@ class Overview:
         small, own = (np.ascontiguousarray(np.moveaxis(each, 0, -1)[None]) for each in (small, own))
         return Seen(small, own, excited)
 
-    def around(self, light: Light, seen: Seen) -> Around:
+    def around(self, light: Light | Planes, seen: Seen) -> Around:
         """Tells what is seen around places, of all pixels.
 
         Parameters
         ----------
         light
-            That is projected.
+            As for `of`.
         seen
             What `of` found of it.
 
@@ -104,15 +105,17 @@ class Overview:
             A view, rows and columns of places -> (place, 5, 5, primary).
         """
         if seen.excited is None:
-            return partial(around_of, self._observation.observe(light))
-        f, excited = self._factors, seen.excited.astype(light.dtype)
+            assert not callable(light)
+            return partial(around_of, planes_of(self._observation.observe(light)))
+        f, excited = self._factors, seen.excited.astype(np.float32)
+        planes = light if callable(light) else planes_of(light)
 
         def here(view: int, rows: NDArray[np.intp], cols: NDArray[np.intp]) -> Floats:
             gain, modes, room = (
                 around_of_plane(np.moveaxis(each, 0, -1), rows, cols)
                 for each in (f.direct_gain[None], f.spread, f.ambient)
             )
-            return np.asarray(around_of(light, view, rows, cols) * gain + modes @ excited.T + room)
+            return np.asarray(around_of(planes, view, rows, cols) * gain + modes @ excited.T + room)
 
         return here
 
@@ -142,15 +145,16 @@ class Overview:
 
         def look(_: int, blocks: slice) -> tuple[Floats, Floats]:
             some = slice(blocks.start * block, min(blocks.stop * block, rows))
-            each = planes(0, some)
-            collected = [[summed(c * x) for c in f.collect[:, some]] for x in each]
-            on = self._screen[some] if gain is None else self._screen[some] * gain[some]
-            own = [x * on for x in each]
-            whole = (some.stop - some.start) // block * block, cols // block * block
-            return (
-                np.stack([block_sums(x[: whole[0], : whole[1]], block) for x in own]),
-                np.array(collected),
+            at = some, self._columns.of(some, block)
+            each = planes(0, *at)
+            collected = [[product(c, x) for c in f.collect[:, *at]] for x in each]
+            on = (
+                self._screen[at].astype(np.float32) if gain is None else self._screen[at] * gain[at]
             )
+            # Rows and columns that do not fill a block are left out
+            sums = [block_sums_within(x * on, block, at[1], cols) for x in each]
+            full = (some.stop - some.start) // block, cols // block
+            return np.stack([plane[: full[0], : full[1]] for plane in sums]), np.array(collected)
 
         shape = 1, -(-rows // block), block * cols * len(f.core)
         sums, collected = zip(*in_strips(look, shape), strict=True)

@@ -40,7 +40,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache, cached_property, partial
+from functools import cache, cached_property, partial, reduce
 from typing import Any, TypeAlias, final
 
 import numpy as np
@@ -52,6 +52,8 @@ from domesim.inspection.magnitudes import Faintest, projected_star, sky_brightne
 from domesim.light import Light, on_host
 from domesim.light.blocks import block_sums
 from domesim.light.guarded import guarded
+from domesim.light.planes import Columns, Planes, planes_of
+from domesim.light.strips import in_strips
 from domesim.scene import DomeScene, Scene
 
 FINE, COARSE = (0.25, 1.0), (2.0, 10.0)
@@ -143,7 +145,7 @@ class PlainRuler:
     Parameters
     ----------
     wanted
-        (view, row, col, primary) what should be seen.
+        (view, row, col, primary) what should be seen, or what tells it.
     scene
         Where.
     screen
@@ -158,11 +160,16 @@ class PlainRuler:
     """
 
     def __init__(
-        self, wanted: Light, scene: Scene, screen: Mask, small: Light | None = None
+        self, wanted: Light | Planes, scene: Scene, screen: Mask, small: Light | None = None
     ) -> None:
-        require_pictures("PlainRuler", screen, wanted)
-        self._wanted, self._scene, self._screen = on_host(wanted), scene, screen
-        self._small = averaged(self._wanted, screen) if small is None else small
+        if callable(wanted):
+            self._planes = wanted
+        else:
+            require_pictures("PlainRuler", screen, wanted)
+            wanted = on_host(wanted)
+            self._planes = planes_of(wanted)
+        self._scene, self._screen = scene, screen
+        self._small = averaged(wanted, screen) if small is None else small
 
     def black(self, seen: Light) -> float:
         """Returns the mean luminance of the darker half as it is seen, cd/m².
@@ -203,7 +210,7 @@ class PlainRuler:
         fine, coarse = (None if band is None else band.seen(light) for band in self._bands)
         black, (stars, in_order) = (
             self._black(light),
-            self._stars(around or partial(around_of, seen)),
+            self._stars(around or partial(around_of, planes_of(seen))),
         )
         return PlainFigures(
             black / untouched if untouched > 0 else None,
@@ -217,7 +224,7 @@ class PlainRuler:
 
     def of_master(self, untouched: float) -> PlainFigures:
         """`figures` of the master itself."""
-        return self.figures(self._small, untouched, partial(around_of, self._wanted))
+        return self.figures(self._small, untouched, partial(around_of, self._planes))
 
     def faintest(self, black: float, stars: float | None = None) -> Faintest | None:
         """Computes the faintest star of the master that is seen.
@@ -324,23 +331,61 @@ class PlainRuler:
     @cached_property
     def _points(self) -> list[tuple[NDArray[np.intp], NDArray[np.intp], Floats, Floats]]:
         """Rows, cols, light of the stars of each view, and the pixels over which it is spread."""
-        points = []
-        for view in self._luminance(self._wanted):
-            rows, cols = _points(view, self._screen)
-            near = np.asarray(around_of_plane(view, rows, cols), np.float64)
+        points, weights = [], self._star_weights
+        for view in range(len(self._small)):
+            rows, cols = self._candidates(view)
+            near = around_of(self._planes, view, rows, cols) @ weights
+            on_screen = around_of_plane(self._screen, rows, cols).all(axis=(1, 2))
+            peak = near[:, 2, 2]
+            stars = on_screen & (peak >= near.max(axis=(1, 2)))
+            stars &= peak >= POINT * near[:, _RING].max(axis=1)
+            near = near[stars].astype(np.float64)
             light, peak = _light_of(near), near[:, 2, 2] - near[:, _RING].mean(axis=1)
-            points.append((rows, cols, light, light / peak))
+            points.append((rows[stars], cols[stars], light, light / peak))
         return points
+
+    @property
+    def _star_weights(self) -> Floats:
+        """(primary,) luminance, cd/m², in single precision."""
+        return (self._weights * self._scene.projector.white).astype(np.float32)
+
+    def _candidates(self, view: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Rows and cols of pixels of a view that are the brightest of a block, and twice its mean.
+
+        They lie two pixels from the picture's edge at least.
+        """
+        (rows, cols), columns = self._screen.shape, Columns(self._screen)
+        weights = self._star_weights
+
+        def look(_: int, blocks: slice) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+            some = slice(_BLOCK * blocks.start, _BLOCK * blocks.stop)
+            beside = columns.of(some, _BLOCK)
+            beside = slice(beside.start, beside.stop // _BLOCK * _BLOCK)
+            planes = self._planes(view, some, beside)
+            Y = reduce(np.add, (w * x for w, x in zip(weights, planes, strict=True)))
+            top = reduce(np.maximum, (Y[k::_BLOCK] for k in range(_BLOCK)))
+            brightest = reduce(np.maximum, (top[:, k::_BLOCK] for k in range(_BLOCK)))
+            lone = brightest > np.maximum(2 / _BLOCK**2 * block_sums(Y, _BLOCK), BLACK)
+            row, col = np.nonzero(lone)
+            at = np.arange(_BLOCK)
+            of_block = _BLOCK * row[:, None, None] + at[:, None], _BLOCK * col[:, None, None] + at
+            within = Y[of_block].reshape(row.size, _BLOCK**2).argmax(axis=1)
+            row, col = _BLOCK * row + within // _BLOCK, _BLOCK * col + within % _BLOCK
+            return row + some.start, col + beside.start
+
+        strips = in_strips(look, (1, rows // _BLOCK, _BLOCK * cols * len(weights)))
+        row, col = (np.concatenate(each) for each in zip(*strips, strict=True))
+        inside = (row >= 2) & (col >= 2) & (row < rows - 2) & (col < cols - 2)
+        return row[inside], col[inside]
 
     def _stars(self, around: Around) -> tuple[float | None, float | None]:
         """Light of stars over the master's, and share of pairs in order."""
         wanted = np.concatenate([light for _, _, light, _ in self._points])
         if not wanted.size:
             return None, None
-        weights = (self._weights * self._scene.projector.white).astype(np.float32)
         stars = np.concatenate(
             [
-                _light_of(around(view, rows, cols) @ weights)
+                _light_of(around(view, rows, cols) @ self._star_weights)
                 for view, (rows, cols, *_) in enumerate(self._points)
             ]
         )
@@ -453,39 +498,21 @@ def _thresholds() -> tuple[Floats, Floats]:
     return np.log10(luminance), 1 / castle(frequency, luminance, ACHROMATIC, area=GRATING)
 
 
-def _points(plane: Floats, screen: Mask) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Rows and cols of the stars of a (row, col) plane of luminance, cd/m²."""
-    rows, cols = (side // _BLOCK for side in plane.shape)
-    blocks = plane[: rows * _BLOCK, : cols * _BLOCK].reshape(rows, _BLOCK, cols, _BLOCK)
-    brightest = blocks.max(axis=1).max(axis=2)
-    lone = (brightest > BLACK) & (brightest > 2 * blocks.mean(axis=1).mean(axis=2))
-    row, col = np.nonzero(lone)
-    within = blocks[row, :, col].reshape(row.size, _BLOCK**2).argmax(axis=1)
-    row, col = _BLOCK * row + within // _BLOCK, _BLOCK * col + within % _BLOCK
-    inside = (row >= 2) & (col >= 2) & (row < plane.shape[0] - 2) & (col < plane.shape[1] - 2)
-    row, col = row[inside], col[inside]
-    near, on_screen = (around_of_plane(each, row, col) for each in (plane, screen))
-    peak = plane[row, col]
-    stars = on_screen.all(axis=(1, 2)) & (peak >= near.max(axis=(1, 2)))
-    stars &= peak >= POINT * near[:, _RING].max(axis=1)
-    return row[stars], col[stars]
-
-
 _RING = np.pad(np.zeros((3, 3), np.bool_), 1, constant_values=True)
 """(5, 5): the pixels two pixels away."""
 
 
 def around_of(
-    light: Light, view: int, rows: NDArray[np.intp], cols: NDArray[np.intp]
+    planes: Planes, view: int, rows: NDArray[np.intp], cols: NDArray[np.intp]
 ) -> NDArray[Any]:
     """Light within two pixels of places of a view.
 
     Parameters
     ----------
-    light
-        (view, row, col, primary).
+    planes
+        What tells the light.
     view
-        Which of them.
+        Which view of it.
     rows, cols
         (place,) at least two pixels from the edge.
 
@@ -494,7 +521,7 @@ def around_of(
     around
         (place, 5, 5, primary).
     """
-    return around_of_plane(light[view], rows, cols)
+    return np.stack(planes(view, *_near(rows, cols)), axis=-1)
 
 
 def around_of_plane(
@@ -514,10 +541,15 @@ def around_of_plane(
     around
         (place, 5, 5, ...).
     """
+    return np.asarray(plane[_near(rows, cols)])
+
+
+def _near(
+    rows: NDArray[np.intp], cols: NDArray[np.intp]
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """(place, 5, 1) rows and (place, 1, 5) columns within two pixels of places."""
     steps = np.arange(-2, 3)
-    return np.asarray(
-        plane[rows[:, None, None] + steps[:, None], cols[:, None, None] + steps[None, :]]
-    )
+    return rows[:, None, None] + steps[:, None], cols[:, None, None] + steps
 
 
 def _light_of(near: NDArray[Any]) -> Floats:

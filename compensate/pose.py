@@ -10,21 +10,23 @@ their answers are.
 from __future__ import annotations
 
 import threading
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TypeAlias, cast, final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from compensate.aim import Aim, Sight, aimed_light, lifted_light
-from compensate.overview import Overview
+from compensate.overview import Overview, Seen
 from compensate.problem import Problem
 from compensate.subtract import Floor, reflecting, subtracted
 from compensate.weighting import REGULARISATION, CsfWeighting, PerceptualWeighting, Weighting
 from domesim.errors import InputError
 from domesim.frames import Master
 from domesim.light import Array, Light, namespace, require_light
+from domesim.light.planes import Columns, Index, Planes, gathered, planes_of
 from domesim.light.rounding import ROUNDING, is_rounding
 from domesim.light.strips import all_within, in_strips
 from domesim.observation.base import AdjointObservation, Observation
@@ -33,7 +35,7 @@ from domesim.observation.lowrank import LowRankObservation
 from domesim.observation.seats import SeveralSeats
 from domesim.observation.uncertain import Uncertain
 from domesim.scene import Scene, StereoScene
-from domesim.scene.screening import decoded, within_range
+from domesim.scene.screening import SLACK, beyond, decoder, is_cheap, within_range
 
 NEGLIGIBLE = 0.001
 """Visible error, JND rms, for which no solver need go on."""
@@ -51,12 +53,32 @@ class Posed:
     ----------
     setting
         What all frames of this size share.
-    desired
-        (view, row, col, primary) master light, in 0..1 on the screen.
+    planes
+        What tells the master's light, in 0..1 on the screen and 0 off it.
+    whole
+        (view, row, col, primary) of it, if it is there.
+    look
+        What is seen of it in a dome of one view, if that is known.
     """
 
     setting: Setting
-    desired: Light
+    planes: Planes
+    whole: Light | None = None
+    look: Seen | None = None
+
+    @cached_property
+    def desired(self) -> Light:
+        """(view, row, col, primary) master light, in 0..1 on the screen."""
+        if self.whole is not None:
+            return self.whole
+        return gathered(self.planes, self.setting.observation.shape)
+
+    @cached_property
+    def seen_untouched(self) -> Seen | None:
+        """What is seen of the master as it is, in a dome of one view."""
+        if self.floor is None:
+            return None
+        return self.look or self.setting.overview.of(self.planes)
 
     @property
     def scene(self) -> Scene:
@@ -79,7 +101,32 @@ class Posed:
 
         It tells most of what is to be known of subtraction, without pictures of it.
         """
-        return self.setting.floor(self.desired)
+        setting = self.setting
+        if not isinstance(setting.single, LowRankObservation):
+            return None
+        return Floor(setting.single, self.own_planes, self._upper, setting.columns)
+
+    @property
+    def _upper(self) -> Array | float:
+        """The largest light, in the type of the master's."""
+        first = slice(0, 1)
+        return self.setting.upper_like(self.planes(0, first, first)[0])
+
+    @cached_property
+    def own_planes(self) -> Planes:
+        """What tells what should be seen in a dome of one view."""
+        planes, dome = self.planes, self.setting.single
+        assert isinstance(dome, LowRankObservation)
+        if dome.has_unit_gain:
+            return planes
+
+        # It does not know this object, whose memory would stay until Python looks for cycles
+        def gained(view: int, rows: Index, cols: Index) -> Sequence[Array]:
+            found = planes(view, rows, cols)
+            gain = dome.factors_like(found[0]).direct_gain[rows, cols]
+            return [plane * gain for plane in found]
+
+        return gained
 
     @cached_property
     def subtractive(self) -> Light:
@@ -143,15 +190,18 @@ class Posed:
         setting = self.setting
         if not isinstance(setting.eye, Aim):
             return None
+        eye, sight = setting.eye, setting.sight
+        if self.floor is not None:
+            floor, columns = self.floor.planes, setting.columns
+            return lifted_light(
+                eye, sight, setting.single, self.own_planes, floor, self._upper, columns
+            )
         wanted = setting.single.direct(self.desired)
         upper = setting.upper_like(wanted)
-        if self.floor is not None:
-            eye, sight, floor = setting.eye, setting.sight, self.floor.planes
-            return lifted_light(eye, sight, setting.single, wanted, floor, upper)
         light, seen = self.subtractive, self.shown
         if setting.single is not self.observation:
             seen = setting.single.observe(light)
-        return aimed_light(setting.eye, setting.sight, setting.single, wanted, light, seen, upper)
+        return aimed_light(eye, sight, setting.single, wanted, light, seen, upper)
 
     def residual(self, light: Light) -> Light:
         """Returns psi(x) - wanted, (seen view, row, col, primary), of all seats."""
@@ -232,15 +282,37 @@ class Stage:
         setting = self._of_size(*desired.shape[1:3])
         require_light(desired, setting.observation.shape, who="compensate")
         require_within_range(desired, setting.screen)
-        return Posed(setting, _on(setting.screen, desired))
+        light = _on(setting.screen, desired)
+        return Posed(setting, planes_of(light), light)
 
     def pose_frame(self, frame: Master) -> tuple[Posed, float]:
         """Poses a master's file; the second value is the share of its screen out of range."""
-        light = decoded(frame, self._scene)
-        setting = self._of_size(*light.shape[1:3])
-        require_light(light, setting.observation.shape, who="compensate")
-        desired, out_of_range = within_range(light, setting.screen)
-        return Posed(setting, _on(setting.screen, desired, desired)), out_of_range
+        setting = self._of_size(*frame.frames[0].pixels.shape[:2])
+        shape = len(frame.frames), *frame.frames[0].pixels.shape
+        light_of = decoder(frame, self._scene)
+        require_light(
+            np.broadcast_to(np.float32(0), shape), setting.observation.shape, who="compensate"
+        )
+        if isinstance(setting.single, LowRankObservation) and is_cheap(frame, self._scene):
+            return self._told(setting, light_of)
+        desired, out_of_range = within_range(gathered(light_of, shape), setting.screen)
+        desired = _on(setting.screen, desired, desired)
+        return Posed(setting, planes_of(desired), desired), out_of_range
+
+    def _told(self, setting: Setting, light_of: Planes) -> tuple[Posed, float]:
+        """`pose_frame` of a dome's light that is decoded anew for each use."""
+        screen, counts = setting.screen, []
+
+        def planes(view: int, rows: Index, cols: Index, *, count: bool = False) -> Sequence[Array]:
+            found = light_of(view, rows, cols)
+            if count:
+                counts.append(beyond(found, screen[rows, cols], (0, 1), SLACK))
+            for plane in found:  # none is below 0
+                np.minimum(plane, setting.on[rows, cols], out=plane)
+            return found
+
+        seen = setting.overview.of(partial(planes, count=True))
+        return Posed(setting, planes, look=seen), sum(counts) / np.count_nonzero(screen)
 
     def _of_size(self, rows: int, cols: int) -> Setting:
         with self._lock:
@@ -332,13 +404,18 @@ class Setting:
         """The largest light: 0 off the screen, for there nothing is projected."""
         if self.screen.all():
             return 1.0
-        upper = self._upper
+        upper = self.on
         if not isinstance(light, np.ndarray) or light.dtype != upper.dtype:
             upper = namespace(light).asarray(self.screen, dtype=light.dtype, device=light.device)
         return upper[None, :, :, None]
 
     @cached_property
-    def _upper(self) -> NDArray[np.float32]:
+    def columns(self) -> Columns:
+        """What the screen takes of strips."""
+        return Columns(self.screen)
+
+    @cached_property
+    def on(self) -> NDArray[np.float32]:
         """(row, col) 1 on the screen; a dome has it already."""
         dome = self.single
         if isinstance(dome, LowRankObservation):
@@ -349,14 +426,6 @@ class Setting:
         """Subtracts exactly from a master, at the one seat or the mean one."""
         wanted = self.single.direct(desired)
         return subtracted(self.single, wanted, (0.0, self.upper_like(wanted)))[0]
-
-    def floor(self, desired: Light) -> Floor | None:
-        """What is seen beside own light over subtraction: see `Posed.floor`."""
-        single = self.single
-        if not (isinstance(single, LowRankObservation) and isinstance(desired, np.ndarray)):
-            return None
-        wanted = single.direct(desired)
-        return Floor(single, wanted, self.upper_like(wanted))
 
     @cached_property
     def dome(self) -> LowRankObservation | None:

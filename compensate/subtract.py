@@ -33,7 +33,7 @@ import threading
 from collections.abc import Callable, Sequence
 from functools import cached_property, lru_cache
 from itertools import pairwise
-from typing import Any, NamedTuple, TypeVar, final
+from typing import Any, NamedTuple, TypeAlias, TypeVar, final
 
 import numpy as np
 import scipy
@@ -41,7 +41,8 @@ from numpy.typing import NDArray
 
 from domesim.errors import InputError
 from domesim.light import Array, Light, namespace
-from domesim.light.strips import in_strips, summed
+from domesim.light.planes import Columns, Index, Planes, dtype_of, empty_light, every, planes_of
+from domesim.light.strips import in_strips, product, summed
 from domesim.observation.base import Observation
 from domesim.observation.crosstalk import Crosstalk
 from domesim.observation.dome_pair import ReflectedViews
@@ -51,6 +52,8 @@ from domesim.observation.lowrank import LowRankObservation, expand
 from domesim.observation.stereo import StereoObservation
 
 Floats = NDArray[Any]
+At: TypeAlias = tuple[Index, Index]
+"""Rows and columns."""
 T = TypeVar("T")
 
 MAX_ROUNDS = 1000
@@ -75,6 +78,7 @@ def subtracted(
     start: Light | None = None,
     out: Light | None = None,
     max_rounds: int = MAX_ROUNDS,
+    columns: Columns | None = None,
 ) -> tuple[Light, int]:
     """Finds the light within bounds that shows what is wanted, wherever any light can.
 
@@ -92,6 +96,8 @@ def subtracted(
         Where the light may be put, such as `wanted` itself; a new array by default.
     max_rounds
         Rounds, or Newton steps, at most.
+    columns
+        Those outside which both bounds are 0, of a dome's screen; all of them by default.
 
     Returns
     -------
@@ -106,7 +112,11 @@ def subtracted(
     if observation.shape != observation.seen_shape:
         raise InputError(f"subtraction is of one seat, got {observation.seen_shape} seen")
     if isinstance(wanted, np.ndarray) and (parts := _parts(observation, wanted)) is not None:
-        return _by_newton(parts, wanted, bounds, out, max_rounds)  # eq. 1
+        planes, shape, dtype = planes_of(wanted), wanted.shape, wanted.dtype
+        strips = _Strips(parts, planes, shape, dtype, bounds, max_rounds, columns)
+        s, steps = _settled(strips)
+        light, written = strips.written(s, out)
+        return light, max(steps, written)  # eq. 1
     return _by_rounds(observation, wanted, bounds, start, max_rounds)
 
 
@@ -121,27 +131,35 @@ class Floor:
     observation
         What is seen of light.
     wanted
-        (1, row, col, primary) what should be seen.
+        What should be seen.
     upper
         Largest light, which broadcasts; the least is 0.
+    columns
+        As for `subtracted`.
     """
 
     def __init__(
-        self, observation: LowRankObservation, wanted: Floats, upper: Floats | float
+        self,
+        observation: LowRankObservation,
+        wanted: Planes,
+        upper: Floats | float = 1.0,
+        columns: Columns | None = None,
     ) -> None:
-        parts = _parts(observation, wanted)
+        dtype, shape = dtype_of(wanted), observation.shape
+        parts = _parts(observation, np.empty(0, dtype))
         assert parts is not None  # as of any such observation
-        self._strips = _Strips(parts, wanted, (0.0, upper), MAX_ROUNDS)
+        bounds = 0.0, upper
+        self._strips = _Strips(parts, wanted, shape, dtype, bounds, MAX_ROUNDS, columns)
         self._s, _ = _settled(self._strips)
 
-    def planes(self, view: int, rows: slice) -> list[Floats]:
-        """Computes some rows of the floor.
+    def planes(self, view: int, rows: Index, cols: Index) -> list[Floats]:
+        """Computes a part of the floor.
 
         Parameters
         ----------
         view
             0: a dome of one view has one.
-        rows
+        rows, cols
             Which.
 
         Returns
@@ -149,31 +167,37 @@ class Floor:
         planes
             (row, col) of each primary.
         """
-        return self._strips.floor(rows, self._s)
+        return self._strips.floor((rows, cols), self._s)
 
     def subtracted(self) -> Light:
         """Returns the light of exact clipped subtraction, (1, row, col, primary)."""
         return self._strips.written(self._s, None)[0]
 
-    def projected(self, rows: slice) -> tuple[list[Floats], list[Floats]]:
-        """Subtracts exactly from some rows, (row, col) of each primary.
+    def projected(self, rows: Index, cols: Index) -> tuple[list[Floats], list[Floats]]:
+        """Subtracts exactly from a part, (row, col) of each primary.
+
+        Parameters
+        ----------
+        rows, cols
+            Which.
 
         Returns
         -------
         light, left
             What is projected, and what is seen too much, negative for too little.
         """
-        shown, gain = self._strips.shown(rows, self._s), self._strips.k.gain
+        at = rows, cols
+        shown, gain = self._strips.shown(at, self._s), self._strips.k.gain
         left = [x - free for x, free in zip(shown.light, shown.free, strict=True)]
-        return shown.light, left if gain is None else [each * gain[rows] for each in left]
+        return shown.light, left if gain is None else [each * gain[at] for each in left]
 
     def leaves(self, most: float) -> bool:
         """Says whether more than `most` is seen too much, or too little, anywhere."""
         found = threading.Event()  # which ends the search
 
-        def look(rows: slice) -> None:
+        def look(at: At) -> None:
             if not found.is_set():
-                left = self.projected(rows)[1]
+                left = self.projected(*at)[1]
                 if max(float(np.abs(each).max()) for each in left) > most:
                     found.set()
 
@@ -303,20 +327,6 @@ def _pair_in_a_dome(reflected: ReflectedViews, crosstalk: Crosstalk, dtype: Any)
     )
 
 
-def _by_newton(
-    k: _Parts,
-    wanted: Floats,
-    bounds: tuple[Floats | float, Floats | float],
-    out: Floats | None,
-    max_rounds: int,
-) -> tuple[Floats, int]:
-    """`subtracted`: s by Newton's method, then the light of s strip by strip."""
-    strips = _Strips(k, wanted, bounds, max_rounds)
-    s, steps = _settled(strips)
-    light, rounds = strips.written(s, out)
-    return light, max(steps, rounds)
-
-
 def _settled(strips: _Strips) -> tuple[Floats, int]:
     """s, and Newton's steps: of every eighth row and column first, and then of all.
 
@@ -377,14 +387,17 @@ class _Strips:
     def __init__(
         self,
         k: _Parts,
-        wanted: Floats,
+        wanted: Planes,
+        shape: tuple[int, ...],
+        dtype: np.dtype[Any],
         bounds: tuple[Floats | float, Floats | float],
         max_rounds: int,
+        columns: Columns | None = None,
     ) -> None:
-        self.k, self.max_rounds, self.planes = k, max_rounds, list(np.ndindex(wanted.shape[::3]))
-        self._wanted = wanted
-        self._lower, self._upper = (_bound(each, wanted) for each in bounds)
-        self._dark = None if k.dark is None else np.broadcast_to(k.dark, wanted.shape)
+        self.k, self.max_rounds, self.planes = k, max_rounds, list(np.ndindex(shape[::3]))
+        self._wanted, self._shape, self._dtype, self._columns = wanted, shape, dtype, columns
+        self._lower, self._upper = (_bound(each, shape, dtype) for each in bounds)
+        self._dark = None if k.dark is None else np.broadcast_to(k.dark, shape)
         self._mixing = None if k.crosstalk is None else _Mixing(k.crosstalk)
 
     @cached_property
@@ -394,52 +407,70 @@ class _Strips:
 
     def every(self, step: int) -> _Strips:
         """Those of every so many rows and columns."""
-        some = (slice(None), slice(None, None, step), slice(None, None, step))
-        bounds = self._lower[some], self._upper[some]
-        return _Strips(self.k.every(step), self._wanted[some], bounds, self.max_rounds)
+        wanted, some = every(self._wanted, self._shape[0], step), slice(None, None, step)
+        at = slice(None), some, some
+        bounds = self._lower[at], self._upper[at]
+        return _Strips(
+            self.k.every(step),
+            planes_of(wanted),
+            wanted.shape,
+            self._dtype,
+            bounds,
+            self.max_rounds,
+        )
 
-    def each(self, work: Callable[[slice], T]) -> list[T]:
-        """What `work` returns for the rows of each strip."""
-        _, rows, cols, _ = self._wanted.shape
-        return in_strips(lambda _, some: work(some), (1, rows, cols, len(self.planes)))
+    def each(self, work: Callable[[At], T]) -> list[T]:
+        """What `work` returns for the rows and columns of each strip."""
+        _, rows, cols, _ = self._shape
+
+        def strip(_: int, some: slice) -> T:
+            return work((some, slice(0, cols) if self._columns is None else self._columns.of(some)))
+
+        return in_strips(strip, (1, rows, cols, len(self.planes)))
 
     def excited(self, s: Floats) -> Floats:
         """(plane, rank) by how much S is seen."""
         each = s.reshape(len(self.planes), len(self.k.spread))
         return each if self.k.leaks is None else self.k.leaks @ each
 
-    def floor(self, rows: slice, s: Floats) -> list[Floats]:
-        """What is seen without own light, (row, col) of each view and primary, in some rows."""
-        k, floor, excited = self.k, [], self.excited(s).astype(self._wanted.dtype)
+    def floor(self, at: At, s: Floats) -> list[Floats]:
+        """What is seen without own light, (row, col) of each view and primary, in a part."""
+        k, floor, excited = self.k, [], self.excited(s).astype(self._dtype)
         for (v, p), by in zip(self.planes, excited, strict=True):
-            plane = expand(k.spread[:, rows], by) if len(by) else np.zeros((), by.dtype)
-            floor.append(plane if self._dark is None else plane + self._dark[v, rows, :, p])
+            plane = expand(k.spread[:, *at], by) if len(by) else np.zeros((), by.dtype)
+            if self._dark is not None:
+                plane = np.add(plane, self._dark[v, *at, p], out=plane if plane.ndim else None)
+            floor.append(plane)
         return floor
 
-    def shown(self, rows: slice, s: Floats) -> _Shown:
-        """The light of s in some rows."""
+    def shown(self, at: At, s: Floats) -> _Shown:
+        """The light of s in a part."""
         k, free = self.k, []
-        modes = k.spread[:, rows] if k.gain is None else k.spread[:, rows] / k.gain[rows]
-        for (v, p), floor in zip(self.planes, self.floor(rows, s), strict=True):
-            plane = self._wanted[v, rows, :, p] - floor
+        modes = k.spread[:, *at] if k.gain is None else k.spread[:, *at] / k.gain[at]
+        wanted = [plane for view in range(self._shape[0]) for plane in self._wanted(view, *at)]
+        for own, floor in zip(wanted, self.floor(at, s), strict=True):
+            plane = np.subtract(own, floor, out=floor) if floor.ndim else own - floor
             if k.gain is not None:
-                plane /= k.gain[rows]
+                plane /= k.gain[at]
             free.append(plane)
-        bounds = [(self._lower[v, rows, :, p], self._upper[v, rows, :, p]) for v, p in self.planes]
+        bounds = [(self._lower[v, *at, p], self._upper[v, *at, p]) for v, p in self.planes]
         if self._mixing is None:
             light = [_clipped(*each) for each in zip(free, bounds, strict=True)]
             return _Shown(0, free, light, bounds, modes)
-        rounds, light = self._mixing.settled(free, bounds, rows, self.max_rounds)
+        rounds, light = self._mixing.settled(free, bounds, at, self.max_rounds)
         return _Shown(rounds, free, light, bounds, modes)
 
     def written(self, s: Floats, out: Floats | None) -> tuple[Floats, int]:
         """The light of s, and the rounds that it took."""
-        light = np.empty_like(self._wanted) if out is None else out
+        light = empty_light(self._shape, self._dtype) if out is None else out
 
-        def write(rows: slice) -> int:
-            shown = self.shown(rows, s)
+        def write(at: At) -> int:
+            shown, (rows, cols) = self.shown(at, s), at
             for (v, p), plane in zip(self.planes, shown.light, strict=True):
-                light[v, rows, :, p] = plane
+                light[v, rows, cols, p] = plane
+            assert isinstance(cols, slice)
+            for beside in (slice(0, cols.start), slice(cols.stop, light.shape[2])):
+                light[:, rows, beside] = 0
             return shown.rounds
 
         return light, max(self.each(write))
@@ -447,7 +478,7 @@ class _Strips:
     def newton(self, s: Floats) -> tuple[Floats, float]:
         """Newton's step of s, and how far from the root s is."""
         sums, slopes = (
-            sum(part) for part in zip(*self.each(lambda rows: self._sums(rows, s)), strict=True)
+            sum(part) for part in zip(*self.each(lambda at: self._sums(at, s)), strict=True)
         )
         if len(s) == 1:
             slopes = scipy.linalg.block_diag(*slopes)[None]
@@ -455,23 +486,25 @@ class _Strips:
         off = np.abs((self.k.core @ sums[..., None])[..., 0] - s).max()
         return newton_step(self.k.core, sums, slopes, s), float(off)
 
-    def _sums(self, rows: slice, s: Floats) -> tuple[Floats, Floats]:
-        """(plane, rank) V'x of some rows, and (plane, rank, rank) how it falls as s rises."""
-        shown, collect = self.shown(rows, s), self.k.collect[:, rows]
+    def _sums(self, at: At, s: Floats) -> tuple[Floats, Floats]:
+        """(plane, rank) V'x of a part, and (plane, rank, rank) how it falls as s rises."""
+        shown, collect = self.shown(at, s), self.k.collect[:, *at]
         overlaps = [[each * mode for mode in shown.modes] for each in collect]
-        moving = [
-            (x > low) & (x < high) for x, (low, high) in zip(shown.light, shown.bounds, strict=True)
-        ]
+        if self._mixing is None:
+            moving = [x == free for x, free in zip(shown.light, shown.free, strict=True)]
+        else:
+            bounds = zip(shown.light, shown.bounds, strict=True)
+            moving = [(x > low) & (x < high) for x, (low, high) in bounds]
         return (
-            np.array([[summed(each * x) for each in collect] for x in shown.light]),
+            np.array([[product(each, x) for each in collect] for x in shown.light]),
             np.array([[[summed(on * m) for m in line] for line in overlaps] for on in moving]),
         )
 
     def near(self, s: Floats) -> float:
         """Share of the light that lies within `_NEAR` of a bound and moves; very likely less."""
 
-        def count(rows: slice) -> int:
-            shown = self.shown(rows, s)
+        def count(at: At) -> int:
+            shown = self.shown(at, s)
             reach = np.abs(shown.modes).sum(axis=0) * (_NEAR / max(self.reach.max(), _TINY))
             near = [
                 np.abs(free - bound) < reach
@@ -481,15 +514,15 @@ class _Strips:
             return int(np.count_nonzero(near))
 
         # Of n that are drawn, the share of none is below 3 / n, 19 times of 20
-        return (sum(self.each(count)) + 3) / self._wanted.size
+        return (sum(self.each(count)) + 3) / math.prod(self._shape)
 
 
-def _bound(bound: Floats | float, light: Floats) -> Floats:
+def _bound(bound: Floats | float, shape: tuple[int, ...], dtype: np.dtype[Any]) -> Floats:
     """A bound of each sample; of a whole row, which NumPy takes faster than a single number."""
-    bound = np.asarray(bound, light.dtype)
+    bound = np.asarray(bound, dtype)
     if bound.size == 1:
-        bound = np.full((1, 1, light.shape[2], 1), bound.item(), light.dtype)
-    return np.broadcast_to(bound, light.shape)
+        bound = np.full((1, 1, shape[2], 1), bound.item(), dtype)
+    return np.broadcast_to(bound, shape)
 
 
 @final
@@ -504,9 +537,9 @@ class _Mixing:
         self._matrices = crosstalk.matrices
 
     def settled(
-        self, free: Sequence[Floats], bounds: Sequence[Any], rows: slice, max_rounds: int
+        self, free: Sequence[Floats], bounds: Sequence[Any], at: At, max_rounds: int
     ) -> tuple[int, list[Floats]]:
-        """The rounds taken, and light x = clip(free - M x_u) of some rows, within bounds.
+        """The rounds taken, and light x = clip(free - M x_u) of a part, within bounds.
 
         It begins with what subtracts the mean of the map: where that is flat and nothing clips,
         this is the result.
@@ -516,7 +549,7 @@ class _Mixing:
             _clipped(_sum(line, free), each)
             for line, each in zip(self._inverse, bounds, strict=True)
         ]
-        shares = [each if len(each) == 1 else each[rows] for each in self._share]
+        shares = [each if len(each) == 1 else each[at] for each in self._share]
         shares = [each.astype(free[0].dtype) for each in shares]
         settling = _Settling(float(np.finfo(free[0].dtype).eps))
         for rounds in range(1, max_rounds + 1):
@@ -525,11 +558,11 @@ class _Mixing:
                 own = slice(view * count, (view + 1) * count)
                 others = light[count:] if view == 0 else light[:count]
                 leaks = [_sum(line, others) * shares[view] for line in self._matrices[view]]
-                for at, leak in zip(range(own.start, own.stop), leaks, strict=True):
-                    new = _clipped(free[at] - leak, bounds[at])
-                    difference = new - light[at]
+                for k, leak in zip(range(own.start, own.stop), leaks, strict=True):
+                    new = _clipped(free[k] - leak, bounds[k])
+                    difference = new - light[k]
                     change = max(change, float(difference.max()), -float(difference.min()))
-                    light[at] = new
+                    light[k] = new
             if settling.done(change):
                 return rounds, light
         return max_rounds, light

@@ -9,16 +9,20 @@ the aim: no solver and no transform is needed. Laws, and how the numbers were ch
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
-from compensate.aim.dome import Planes, lifted
+from compensate.aim.dome import lifted
 from compensate.aim.pair import veiled
 from compensate.aim.pair_in_a_dome import aimed
 from compensate.aim.settings import Aim, Sight
 from compensate.subtract import reflecting, subtracted
 from domesim.light import Array, Light
+from domesim.light.planes import Columns, Planes, dtype_of
 from domesim.light.strips import in_strips
 from domesim.observation.base import Observation
+from domesim.observation.lowrank import LowRankObservation
 
 __all__ = ["Aim", "Sight", "aimed_light", "lifted_light"]
 
@@ -27,9 +31,10 @@ def lifted_light(
     aim: Aim,
     sight: Sight,
     observation: Observation,
-    wanted: Light,
+    wanted: Light | Planes,
     floor: Light | Planes,
     upper: Array | float = 1.0,
+    columns: Columns | None = None,
 ) -> Light:
     """Computes the light that shows what is aimed at in a dome.
 
@@ -41,14 +46,19 @@ def lifted_light(
         What is seen of light, at one seat.
     upper
         Largest light, which broadcasts.
+    columns
+        As for `compensate.subtract.subtracted`.
 
     Returns
     -------
     light
         (view, row, col, primary) to project, from 0 to `upper`.
     """
-    target = lifted(aim, sight, wanted, floor, _white(observation, wanted))
-    return subtracted(observation, target, (0.0, upper), start=target, out=target)[0]
+    white = _white(observation, dtype_of(wanted) if callable(wanted) else wanted.dtype)
+    target = lifted(aim, sight, wanted, floor, white)
+    return subtracted(observation, target, (0.0, upper), start=target, out=target, columns=columns)[
+        0
+    ]
 
 
 def aimed_light(
@@ -86,14 +96,20 @@ def aimed_light(
         floor = _less(seen, observation.direct(subtractive))
         if len(wanted) == 1:
             return lifted_light(aim, sight, observation, wanted, floor, upper)
-        target = aimed(aim, sight, observation, wanted, floor, _white(observation, wanted), upper)
+        target = aimed(
+            aim, sight, observation, wanted, floor, _white(observation, wanted.dtype), upper
+        )
         del floor  # it takes memory
     return subtracted(observation, target, (0.0, upper), start=subtractive)[0]
 
 
-def _white(observation: Observation, like: Light) -> Light:
-    """What is seen of white in its own place, which broadcasts."""
-    return observation.direct(np.broadcast_to(np.ones((), like.dtype), like.shape))
+def _white(observation: Observation, dtype: Any) -> Light:
+    """What is seen of white in its own place, (view, row, col, primary)."""
+    shape, one = observation.shape, np.ones((), dtype)
+    if isinstance(observation, LowRankObservation):
+        gain = observation.factors_like(one).direct_gain
+        return np.broadcast_to(gain[None, :, :, None], shape)
+    return observation.direct(np.broadcast_to(one, shape))
 
 
 def _less(light: Light, other: Light) -> Light:

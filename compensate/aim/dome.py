@@ -61,14 +61,16 @@ were chosen, and what lost: ``validation/notes/0007``.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from functools import partial, reduce
-from typing import TypeAlias
+from collections.abc import Sequence
+from functools import reduce
+
+import numpy as np
 
 from compensate.aim.settings import Aim, Sight
 from compensate.blocks import guided
 from domesim.light import Array, Light, namespace, total
-from domesim.light.blocks import block_sums, by_blocks, enlarged_across, enlarged_down
+from domesim.light.blocks import block_sums_within, by_blocks, enlarged_across, enlarged_down
+from domesim.light.planes import Planes, empty_light, planes_of
 from domesim.light.strips import in_parts
 
 DARK = 0.005
@@ -107,14 +109,18 @@ def gain_of(m: Array, B: Array, v: float) -> Array:
     """
     xp = namespace(m)
     t = xp.minimum(B / m, xp.ones_like(m))
-    return xp.sqrt(1 + (v / B * t * (2 - t)) ** 2)
+    u = 2 - t
+    u *= t
+    u *= v
+    u /= B
+    u *= u
+    u += 1
+    return xp.sqrt(u)
 
 
-Planes: TypeAlias = Callable[[int, slice], Sequence[Array]]
-"""A view and some rows of it -> (row, col) of each primary."""
-
-
-def lifted(aim: Aim, sight: Sight, wanted: Light, floor: Light | Planes, brightest: Light) -> Light:
+def lifted(
+    aim: Aim, sight: Sight, wanted: Light | Planes, floor: Light | Planes, brightest: Light
+) -> Light:
     """Lifts the master with its surroundings.
 
     Parameters
@@ -122,52 +128,44 @@ def lifted(aim: Aim, sight: Sight, wanted: Light, floor: Light | Planes, brighte
     aim, sight
         Settings, and how the dome is seen.
     wanted
-        (view, row, col, primary) what should be seen, 1 = projector white.
+        (view, row, col, primary) what should be seen, 1 = projector white: light, or what tells it.
     floor
-        Light that is there without any of its own, over subtraction of the master: of that shape,
-        or what tells it of some rows.
+        Light that is there without any of its own, over subtraction of the master; as `wanted`.
     brightest
-        What is seen of white in its own place; nothing is lifted above. It broadcasts.
+        (view, row, col, primary) what is seen of white in its own place; nothing is lifted above.
 
     Returns
     -------
     light
-        (view, row, col, primary) what is aimed at.
+        (view, row, col, primary) what is aimed at; 0 where a strip has no screen.
     """
-    xp, (views, _, cols, _) = namespace(wanted), wanted.shape
-    c = DARK / sight.white
-    block, radius = block_of(sight.density)
-    floors = floor if callable(floor) else partial(planes_of, floor)
-    weights = [float(each) for each in sight.weights]
-
-    def sums(view: int, rows: slice) -> Array:
-        """(5, row, col) by blocks: pixels, missing light, and importance w, w log m, w log² m."""
-        m = sight.luminance(wanted[view, rows, ...]) + c
-        on = xp.astype(sight.screen[rows, :], m.dtype)
-        low = reduce(xp.add, (w * x for w, x in zip(weights, floors(view, rows), strict=True)))
-        missing = on * (xp.maximum(low, xp.zeros_like(low)) - m + c)
-        w, log_m = on * (c / m), xp.log(m)
-        planes = on, missing, w, w * log_m, w * log_m**2
-        return xp.stack([block_sums(plane, block) for plane in planes])
-
-    v, bases = 0.0, []
-    for planes in xp.unstack(by_blocks(sums, wanted.shape, block, wanted), axis=0):
-        pixels, missing, w, first, second = xp.unstack(planes, axis=0)
-        v = max(v, aim.lift * _darkest(pixels, missing))
-        base = xp.stack(guided(pixels, w, first, second, radius, EDGE))
-        bases.append(enlarged_across(base, block, cols))
-
-    aimed = xp.empty_like(wanted)
+    xp, shape = namespace(brightest), brightest.shape
+    own_of, floors, white_of = (
+        each if callable(each) else planes_of(each) for each in (wanted, floor, brightest)
+    )
+    views, _, cols, _ = shape
+    block, _ = block_of(sight.density)
+    v, bases = _bases(aim, sight, own_of, floors, brightest)
+    if xp is np:
+        aimed = empty_light(shape, brightest.dtype)
+    else:
+        aimed = xp.empty(shape, dtype=brightest.dtype, device=brightest.device)
 
     def work(view: int, rows: slice) -> None:
-        own, white = (planes_of(each, view, rows) for each in (wanted, brightest))
-        each_floor = zip(*(floors(each, rows) for each in range(views)), strict=True)
+        some = sight.columns(rows)
+        own, white = (each(view, rows, some) for each in (own_of, white_of))
+        each_floor = zip(*(floors(each, rows, some) for each in range(views)), strict=True)
         low = [reduce(xp.maximum, each) for each in each_floor]
-        luminance = sight.luminance(wanted[view, rows, ...])
-        m = luminance + c
-        slope, offset = xp.unstack(enlarged_down(bases[view], block, rows), axis=0)
-        B = xp.exp(slope * xp.log(m) + offset)
-        none, one, tiny = xp.zeros_like(m), xp.ones_like(m), xp.full_like(m, _TINY)
+        none = xp.zeros_like(own[0])
+        one, tiny = none + 1, none + _TINY
+        luminance = xp.maximum(_luminance(sight, own), none)
+        m = luminance + DARK / sight.white
+        slope, offset = xp.unstack(enlarged_down(bases[view][..., some], block, rows), axis=0)
+        # In place where it can be: what is new is fetched into a core's cache
+        log_B = xp.log(m)
+        log_B *= slope
+        log_B += offset
+        B = xp.exp(log_B)
         gain = gain_of(m, B, v)
         # Limited to what brings the brightest primary to white, so that hues stay
         room = (w / xp.maximum(x, tiny) for w, x in zip(white, own, strict=True))
@@ -176,34 +174,66 @@ def lifted(aim: Aim, sight: Sight, wanted: Light, floor: Light | Planes, brighte
         k = reduce(
             xp.minimum, (x / xp.maximum(f, tiny) for x, f in zip(lit, low, strict=True)), one
         )
-        k = 1 - (1 - 1 / gain) * (1 - xp.maximum(2 * k - 1, none))
+        k *= 2
+        k -= 1
+        grey = xp.maximum(k, none)
+        grey -= 1
+        kept = 1 / gain
+        kept -= 1
+        kept *= grey
+        k = 1 - kept
         lit = [Y + k * (x - Y) for x in lit]
         over = [xp.maximum(x - f, none) for x, f in zip(lit, low, strict=True)]
-        projected = reduce(xp.add, (w * x for w, x in zip(weights, over, strict=True)))
-        q = xp.minimum(luminance / xp.maximum(projected, tiny), one)
+        q = 1 - xp.minimum(luminance / xp.maximum(_luminance(sight, over), tiny), one)
         for p, (x, more) in enumerate(zip(lit, over, strict=True)):
-            aimed[view, rows, :, p] = x - (1 - q) * more
+            aimed[view, rows, some, p] = x - q * more
+        for beside in (slice(0, some.start), slice(some.stop, cols)):
+            aimed[view, rows, beside, :] = 0
 
-    in_parts(work, wanted.shape, wanted)
+    in_parts(work, shape, brightest)
     return aimed
 
 
-def planes_of(light: Light, view: int, rows: slice) -> list[Array]:
-    """Looks at some rows of light primary by primary.
+def _bases(
+    aim: Aim, sight: Sight, own_of: Planes, floors: Planes, like: Light
+) -> tuple[float, list[Array]]:
+    """How far black is lifted, and the base of each view by blocks: (2, block, col), see `guided`.
 
-    Parameters
-    ----------
-    light
-        (view, row, col, primary).
-    view, rows
-        Which.
-
-    Returns
-    -------
-    planes
-        (row, col) of each primary, not copied.
+    `like` has the picture's shape and library.
     """
-    return [light[view, rows, :, p] for p in range(light.shape[-1])]
+    xp, shape, cols = namespace(like), like.shape, like.shape[2]
+    c, (block, radius) = DARK / sight.white, block_of(sight.density)
+
+    def sums(view: int, rows: slice) -> Array:
+        """(5, row, col) by blocks: pixels, missing light, and importance w, w log m, w log² m."""
+        some = sight.columns(rows, block)
+        luminance, low = (_luminance(sight, each(view, rows, some)) for each in (own_of, floors))
+        none = xp.zeros_like(luminance)
+        luminance = xp.maximum(luminance, none)
+        on = xp.astype(sight.screen[rows, some], luminance.dtype)
+        m = luminance + c
+        missing = on * (xp.maximum(low, none) - luminance)
+        w, log_m = on * (c / m), xp.log(m)
+        first = w * log_m
+        planes = on, missing, w, first, first * log_m
+        return xp.stack([block_sums_within(plane, block, some, cols) for plane in planes])
+
+    v, bases = 0.0, []
+    for planes in xp.unstack(by_blocks(sums, shape, block, like), axis=0):
+        pixels, missing, w, first, second = xp.unstack(planes, axis=0)
+        v = max(v, aim.lift * _darkest(pixels, missing))
+        base = xp.stack(guided(pixels, w, first, second, radius, EDGE))
+        bases.append(enlarged_across(base, block, cols))
+    return v, bases
+
+
+def _luminance(sight: Sight, planes: Sequence[Array]) -> Array:
+    """(row, col) of the primaries' planes, 1 = white."""
+    first, *others = (float(each) for each in sight.weights)
+    found = first * planes[0]
+    for weight, plane in zip(others, planes[1:], strict=True):
+        found += weight * plane
+    return found
 
 
 def _darkest(pixels: Array, sums: Array) -> float:

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import final
+
+import numpy as np
 
 from domesim.errors import InputError, require_not_negative
 from domesim.light import Array, Light, namespace
+from domesim.light.planes import Columns
 
 MOST_LIFT = 4.0
 
@@ -57,6 +61,17 @@ class Sight:
     weights: Array
     white: float
     density: float
+
+    def columns(self, rows: slice, block: int = 1) -> slice:
+        """Returns the columns outside which some rows have no screen: see `Columns.of`."""
+        if self._columns is None:
+            return slice(0, self.screen.shape[1])
+        return self._columns.of(rows, block)
+
+    @cached_property
+    def _columns(self) -> Columns | None:
+        """None where another library than NumPy computes, which takes all rows at once."""
+        return Columns(self.screen) if isinstance(self.screen, np.ndarray) else None
 
     def luminance(self, light: Light) -> Array:
         """Returns the (..., row, col) luminance of light, 1 = white, at least 0."""

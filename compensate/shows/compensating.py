@@ -30,10 +30,11 @@ from domesim.errors import InputError
 from domesim.frames import Master
 from domesim.host.numbers import decimal, percent
 from domesim.light import Light
+from domesim.light.planes import every
 from domesim.scene import Scene, StereoScene
 from domesim.scene.choice import SceneChoice
 from domesim.scene.screening import decoded, decoder
-from domesim.shows.small import thinned
+from domesim.shows.small import thinning
 from domesim.shows.timeline import Timeline
 from domesim.shows.work import Column, Judged, Note, Recipe, Work, Write, Writing
 
@@ -330,8 +331,9 @@ def _end(solution: Solution, write: Write) -> tuple[dict[str, Any], str]:
         del frame
         found = solution.figures(appraisal, clipped, brief=exact)
         written.result()
-    show = posed.scene.projector.to_display
-    write.small(*(show(thinned(each))[0] for each in (posed.desired, light)))
+    show, step = posed.scene.projector.to_display, thinning(posed.screen.shape)
+    master = every(posed.planes, posed.scene.views, step)
+    write.small(*(show(each)[0] for each in (master, light[:, ::step, ::step])))
     if exact:
         return {**asdict(found), "loss_stored": None, "steps": 0.0}, line_of(found)
     stored = write.stored()

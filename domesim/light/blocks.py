@@ -34,6 +34,34 @@ def block_sums(planes: Array, block: int) -> Array:
     return planes
 
 
+def block_sums_within(plane: Array, block: int, cols: slice, width: int) -> Array:
+    """Sums some columns of a plane over blocks of a picture; outside of them are zeros.
+
+    Parameters
+    ----------
+    plane
+        (row, col) of these columns.
+    block
+        Pixels along a block's side.
+    cols
+        Columns: the first is a block's first one, and so is that after the last, or the picture's.
+    width
+        Columns of the picture.
+
+    Returns
+    -------
+    sums
+        (row, col) of blocks of the whole width.
+    """
+    found = block_sums(plane, block)
+    if cols == slice(0, width):
+        return found
+    wide = np.zeros((found.shape[0], -(-width // block)), found.dtype)
+    first = cols.start // block
+    wide[:, first : first + found.shape[1]] = found
+    return wide
+
+
 def by_blocks(
     sums: Callable[[int, slice], Array], shape: tuple[int, ...], block: int, like: Array
 ) -> Array:

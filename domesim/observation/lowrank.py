@@ -98,7 +98,8 @@ class LowRankObservation(AdjointObservation):
         return self._factors
 
     @cached_property
-    def _unit_gain(self) -> bool:
+    def has_unit_gain(self) -> bool:
+        """Whether D is 1 everywhere."""
         return bool(np.all(self.factors.direct_gain == 1))
 
     @property
@@ -128,7 +129,7 @@ class LowRankObservation(AdjointObservation):
         return self._spread(light, _project(f.collect, light), f.core, f.spread, f.ambient)
 
     def _direct(self, light: Light) -> Light:
-        if self._unit_gain:
+        if self.has_unit_gain:
             return light
         return light * self.factors_like(light).direct_gain[None, :, :, None]
 
@@ -153,7 +154,7 @@ class LowRankObservation(AdjointObservation):
             for p in range(light.shape[-1]):
                 direct = light[0, rows, :, p]
                 part = expand(modes[:, rows, :], excited[p, :])
-                part += direct if self._unit_gain else direct * gain[rows, :]  # eq. 2
+                part += direct if self.has_unit_gain else direct * gain[rows, :]  # eq. 2
                 if ambient is not None:
                     part += ambient[p, rows, :]
                 result[0, rows, :, p] = part

@@ -5,7 +5,8 @@ Off the screen (outside a domemaster's circle) a master's code values are never 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from functools import reduce
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,11 +14,12 @@ from numpy.typing import NDArray
 from domesim.advice import ADVICE
 from domesim.errors import HopelessError, InputError
 from domesim.frames import Master
-from domesim.frames.frame import Pixels
+from domesim.frames.halves import are_sound, as_floats
 from domesim.frames.video import video_of
 from domesim.light import Light, require_light, require_mask, transfer
 from domesim.light.blocks import block_sums, by_blocks
 from domesim.light.guarded import guarded
+from domesim.light.planes import Columns, Index, Planes, gathered
 from domesim.light.strips import all_within, in_strips
 from domesim.observation.projector import require_primaries
 from domesim.scene import Scene, StereoScene
@@ -25,6 +27,8 @@ from domesim.scene import Scene, StereoScene
 BRIGHTEST = 1e9
 """Projector white = 1: the sun's disc is 1e8 of an IMAX dome's. Beyond it is damage, and float32
 overflows when light is summed and squared."""
+SLACK = 8 * float(np.finfo(np.float32).eps)
+"""By how much decoding rounds: a white of 1 + 1e-7 is no highlight."""
 
 
 def decoded(master: Master, scene: Scene) -> Light:
@@ -49,17 +53,7 @@ def decoded(master: Master, scene: Scene) -> Light:
         If it has other views than the scene, its transfer function or primaries are not known, or
         it is brighter than `BRIGHTEST`.
     """
-    light_of = decoder(master, scene)
-    rows, cols, primaries = master.frames[0].pixels.shape
-    planes = np.empty((len(master.frames), primaries, rows, cols), np.float32)
-    light = np.moveaxis(planes, 1, -1)
-
-    def decode(view: int, rows: slice) -> None:
-        for p, plane in enumerate(light_of(view, rows)):
-            planes[view, p, rows] = plane
-
-    in_strips(decode, light.shape)
-    return light
+    return gathered(decoder(master, scene), (len(master.frames), *master.frames[0].pixels.shape))
 
 
 def averaged_on_screen(master: Master, scene: Scene, step: int) -> Light:
@@ -87,7 +81,9 @@ def averaged_on_screen(master: Master, scene: Scene, step: int) -> Light:
     screen = scene.screen(rows, cols)
 
     def sums(view: int, some: slice) -> NDArray[np.floating]:
-        planes = [np.clip(plane, 0, 1) * screen[some] for plane in light_of(view, some)]
+        planes = [
+            np.clip(plane, 0, 1) * screen[some] for plane in light_of(view, some, slice(0, cols))
+        ]
         return np.stack([block_sums(plane, step) for plane in planes])
 
     count = block_sums(screen.astype(np.float32), step)
@@ -95,8 +91,8 @@ def averaged_on_screen(master: Master, scene: Scene, step: int) -> Light:
     return np.moveaxis(total / np.maximum(count, 1), 1, -1)
 
 
-def decoder(master: Master, scene: Scene) -> Callable[[int, slice], Sequence[NDArray[np.floating]]]:
-    """Light of a master, strip by strip.
+def decoder(master: Master, scene: Scene) -> Planes:
+    """Light of a master, part by part.
 
     Parameters
     ----------
@@ -106,7 +102,7 @@ def decoder(master: Master, scene: Scene) -> Callable[[int, slice], Sequence[NDA
     Returns
     -------
     light_of
-        A view and rows -> (row, col) float32 of each primary, as `decoded` has it.
+        What tells it, float32, as `decoded` has it, in arrays of their own.
 
     Raises
     ------
@@ -116,22 +112,60 @@ def decoder(master: Master, scene: Scene) -> Callable[[int, slice], Sequence[NDA
     _require_views(master, scene)
     _require_whole_views(master, scene)
     require_primaries(master.colour.primaries)
-    curve = transfer.named(master.colour.transfer, white=scene.projector.white)
+    curve, primaries = _curve(master, scene), master.colour.primaries
+    as_stored, cheap = _is_light(master, scene), is_cheap(master, scene)
 
-    def light_of(view: int, rows: slice) -> Sequence[NDArray[np.floating]]:
-        codes = np.asarray(master.frames[view].pixels[rows], np.float32)
-        # NumPy keeps such settings for each thread.
-        with np.errstate(over="ignore", invalid="ignore"):
-            light = scene.projector.decode(codes, curve, master.colour.primaries)
-        brightest = float(light.max())
+    def light_of(view: int, rows: Index, cols: Index) -> Sequence[NDArray[np.floating]]:
+        codes = master.frames[view].pixels[rows, cols]
+        if cheap:
+            return [as_floats(codes[..., p], sound=True) for p in range(codes.shape[-1])]
+        if as_stored:
+            planes = [as_floats(codes[..., p]) for p in range(codes.shape[-1])]
+        else:
+            # NumPy keeps such settings for each thread.
+            with np.errstate(over="ignore", invalid="ignore"):
+                floats = codes if codes.dtype == np.float32 else as_floats(codes)
+                light = scene.projector.decode(floats, curve, primaries)
+            planes = [np.ascontiguousarray(light[..., p]) for p in range(light.shape[-1])]
+        brightest = max(float(plane.max(initial=0)) for plane in planes)
         if not brightest <= BRIGHTEST:
             raise InputError(
                 f"{master.path}: wanted light up to {BRIGHTEST:g} (projector white is 1), got "
                 f"{brightest:g}. Render it again, or clamp it ({ADVICE['clamp'].given()})."
             )
-        return [light[..., p] for p in range(light.shape[-1])]
+        return planes
 
     return light_of
+
+
+def is_cheap(master: Master, scene: Scene) -> bool:
+    """Says whether a master is decoded in less time than its light is fetched from memory.
+
+    So are halves that are light of the projector's primaries already, from 0 to the largest half.
+
+    Parameters
+    ----------
+    master, scene
+        As for `decoded`.
+
+    Returns
+    -------
+    cheap
+        Whether it is.
+    """
+    pixels = [frame.pixels for frame in master.frames]
+    halves = all(each.dtype == np.float16 and are_sound(np.asarray(each)) for each in pixels)
+    return halves and _is_light(master, scene)
+
+
+def _is_light(master: Master, scene: Scene) -> bool:
+    """Whether code values are light of the projector's primaries."""
+    same = scene.projector.primaries == master.colour.primaries
+    return same and isinstance(_curve(master, scene), transfer.Linear)
+
+
+def _curve(master: Master, scene: Scene) -> transfer.Transfer:
+    return transfer.named(master.colour.transfer, white=scene.projector.white)
 
 
 def _require_views(master: Master, scene: Scene) -> None:
@@ -215,25 +249,32 @@ def encoded(
     least, largest = 0.0, master.code_range[1]
     of_halves = largest == float(np.finfo(np.float16).max)
     pixels = np.empty(light.shape, np.float16 if of_halves else np.float32)
-
-    def put(view: int, rows: slice, codes: Pixels, where: NDArray[np.bool_] | bool) -> None:
-        for p in range(pixels.shape[-1]):  # NumPy is slow along an axis of three
-            np.copyto(pixels[view, rows, :, p], codes[..., p], where=where)
+    columns, end = Columns(screen), light.shape[2]
 
     def encode(view: int, rows: slice) -> int:
-        codes = projector.encode(light[view, rows], curve, new.primaries)
-        on = screen[rows]
-        put(view, rows, np.clip(codes, least, largest), True)
-        if not on.all():
-            around = master.frames[view].pixels[rows]
-            if not new.means_the_same_as(old):
-                shown = projector.decode(np.asarray(around, np.float32), read, old.primaries)
-                around = projector.encode(shown, curve, new.primaries)
-            if around.dtype != pixels.dtype or not of_halves:  # halves are within their range
-                around = np.clip(around, least, largest)
-            put(view, rows, around, ~on)
+        cols, full = columns.of(rows), columns.full(rows)
+        codes = projector.encode(light[view, rows, cols], curve, new.primaries)
+        for p in range(pixels.shape[-1]):  # NumPy is slow along an axis of three
+            pixels[view, rows, cols, p] = np.clip(codes[..., p], least, largest)
+        for beside in (slice(0, full.start), slice(full.stop, end)):
+            keep(view, rows, beside)
         # Half a code of 16 bit: rounding, not clipping
-        return _beyond(codes, on, (least, largest), 0.5 / 65535)
+        planes = [codes[..., p] for p in range(codes.shape[-1])]
+        return beyond(planes, screen[rows, cols], (least, largest), 0.5 / 65535)
+
+    def keep(view: int, rows: slice, cols: slice) -> None:
+        """What lies off the screen in some columns."""
+        around = master.frames[view].pixels[rows, cols]
+        if not around.size:
+            return
+        if not new.means_the_same_as(old):
+            shown = projector.decode(np.asarray(around, np.float32), read, old.primaries)
+            around = projector.encode(shown, curve, new.primaries)
+        if around.dtype != pixels.dtype or not of_halves:  # halves are within their range
+            around = np.clip(around, least, largest)
+        off = ~screen[rows, cols]
+        for p in range(pixels.shape[-1]):
+            np.copyto(pixels[view, rows, cols, p], around[..., p], where=off)
 
     clipped = sum(in_strips(encode, light.shape))
     result = master.encoded_as(new, pixels)
@@ -294,8 +335,6 @@ def within_range(light: Light, screen: NDArray[np.bool_]) -> tuple[Light, float]
     """
     require_light(light, who="within_range")
     require_mask(screen, who="within_range")
-    # Decoding rounds: a white of 1 + 1e-7 is no highlight.
-    slack = 8 * float(np.finfo(np.float32).eps)
     if all_within(light, 0, 1):
         return light, 0.0
     within = np.array(light)
@@ -304,20 +343,40 @@ def within_range(light: Light, screen: NDArray[np.bool_]) -> tuple[Light, float]
         part, on = within[view, rows], screen[rows]
         if np.isnan(part.min()) and np.isnan(part[on]).any():
             raise InputError("within_range takes light, got values that are no number")
-        beyond = _beyond(part, on, (0, 1), slack)
+        count = beyond([part[..., p] for p in range(part.shape[-1])], on, (0, 1), SLACK)
         np.clip(part, 0, 1, out=part, where=on[..., None])
-        return beyond
+        return count
 
-    beyond = sum(in_strips(clip, light.shape))
-    return within, beyond / (len(light) * np.count_nonzero(screen))
+    count = sum(in_strips(clip, light.shape))
+    return within, count / (len(light) * np.count_nonzero(screen))
 
 
-def _beyond(
-    values: NDArray[np.floating], on: NDArray[np.bool_], limits: tuple[float, float], slack: float
+def beyond(
+    planes: Sequence[NDArray[np.floating]],
+    on: NDArray[np.bool_],
+    limits: tuple[float, float],
+    slack: float,
 ) -> int:
-    """How many pixels have a primary out of the limits."""
+    """Counts pixels of which a primary is out of limits.
+
+    Parameters
+    ----------
+    planes
+        (row, col) of each primary.
+    on
+        (row, col) pixels that count.
+    limits
+        The least and the largest value.
+    slack
+        By how much a value may exceed them.
+
+    Returns
+    -------
+    count
+        Of pixels.
+    """
     least, largest = limits[0] - slack, limits[1] + slack
-    if values.min() >= least and values.max() <= largest:
+    if all(plane.min() >= least and plane.max() <= largest for plane in planes):
         return 0
-    outside = (values < least) | (values > largest)
-    return int(np.count_nonzero(np.any(outside, axis=-1) & on))
+    outside = reduce(np.logical_or, ((x < least) | (x > largest) for x in planes))
+    return int(np.count_nonzero(outside & on))

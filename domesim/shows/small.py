@@ -28,8 +28,13 @@ _GAP = 4
 
 def thinned(light: Light) -> Light:
     """Takes every n-th row and column of (view, row, col, primary), for a small picture."""
-    step = max(1, max(light.shape[1:3]) // (_FINER * SIDE))
+    step = thinning(light.shape[1:3])
     return light[:, ::step, ::step]
+
+
+def thinning(size: tuple[int, ...]) -> int:
+    """Returns n of `thinned` for a picture of so many rows and columns."""
+    return max(1, max(size) // (_FINER * SIDE))
 
 
 def small_of(folder: Path, output: str) -> Path:

@@ -10,6 +10,7 @@ from compensate.overview import Overview
 from compensate.plain import around_of
 from compensate.ruler import averaged
 from compensate.subtract import Floor, subtracted
+from domesim.light.planes import planes_of
 from domesim.observation.lowrank import LowRank, LowRankObservation
 
 ROWS, COLS = 45, 37
@@ -62,7 +63,7 @@ def test_what_is_seen_around_places_is_what_is_observed_there(
     overview = Overview(observation, SCREEN, AREAS)
     rows, cols = np.array([20, 2, 30]), np.array([7, 15, 34])
     found = overview.around(LIGHT, overview.of(LIGHT))(0, rows, cols)
-    expected = around_of(observation.observe(LIGHT), 0, rows, cols)
+    expected = around_of(planes_of(observation.observe(LIGHT)), 0, rows, cols)
     np.testing.assert_allclose(found, expected, atol=1e-6)
 
 
@@ -71,13 +72,13 @@ def test_a_floor_is_what_subtraction_leaves_beside_own_light(
     observation: LowRankObservation,
 ) -> None:
     wanted, upper = observation.direct(LIGHT), SCREEN[None, :, :, None].astype(np.float32)
-    floor = Floor(observation, wanted, upper)
+    floor = Floor(observation, planes_of(wanted), upper)
     light, _ = subtracted(observation, wanted, (0.0, upper))
     shown, some = observation.observe(light), slice(10, 20)
     np.testing.assert_array_equal(floor.subtracted(), light)
-    beside = np.stack(floor.planes(0, some), -1)
+    beside = np.stack(floor.planes(0, some, slice(0, COLS)), -1)
     np.testing.assert_allclose(beside, (shown - observation.direct(light))[0, some], atol=1e-6)
-    projected, left = (np.stack(each, -1) for each in floor.projected(some))
+    projected, left = (np.stack(each, -1) for each in floor.projected(some, slice(0, COLS)))
     np.testing.assert_array_equal(projected, light[0, some])
     np.testing.assert_allclose(left, (shown - wanted)[0, some], atol=1e-6)
     worst = float(np.abs(shown - wanted).max())

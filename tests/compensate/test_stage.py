@@ -245,3 +245,27 @@ def test_crosstalk_in_strips_is_that_of_the_whole(share: tuple[float, float] | N
     crosstalk = Crosstalk(90, 900, COLOURED, share=varying, black=black)
     expected = light + crosstalk.leaked(light) + black[:, None, None, :]
     np.testing.assert_allclose(crosstalk.observe(light), expected, atol=1e-6)
+
+
+@pytest.mark.parametrize("brightest", [1.0, 1.5])
+def test_halves_that_are_decoded_anew_give_what_their_light_gives(brightest: float) -> None:
+    """No picture of a dome's master is made; what is over white, or off the screen, is one case."""
+    scene, random = load_scene("dome_imax"), np.random.default_rng(5)
+    light = brightest * random.random((1, 50, 50, 3), np.float32) ** 6
+    light[0, 18:25, 18:25] = 0.001
+    light[0, 21, 21] = 0.9  # a star
+    halves = light.astype(np.float16)
+    found = []
+    for codes in (halves, halves.astype(np.float32)):
+        posed, out_of_range = Stage(scene).pose_frame(frame(codes, bits=16))
+        solution = solve_frame(frame(codes, bits=16), posed, out_of_range, "perceptual")
+        figures = vars(solution.figures(Appraisal(posed), 0.0)) | {"seconds": 0}
+        assert "desired" not in vars(posed)
+        assert (posed.whole is None) is (codes is halves)
+        found.append((solution.result.light, posed.desired, figures))
+    (result, desired, figures), (expected, wanted, others) = found
+    np.testing.assert_array_equal(result, expected)
+    np.testing.assert_array_equal(desired, wanted)
+    assert figures == others
+    assert bool(figures["out_of_range"]) is (brightest > 1)
+    assert figures["stars"] is not None

@@ -13,7 +13,7 @@ from domesim.frames import (
     write_frame,
     write_master,
 )
-from domesim.frames.halves import are_sound
+from domesim.frames.halves import are_sound, as_floats
 from domesim.frames.views import made_for
 from domesim.scene import load_scene
 from domesim.scene.screening import decoded, encoded
@@ -46,6 +46,23 @@ def test_impossible_halves_are_found_by_their_bits(bad: float) -> None:
     assert are_sound(halves)
     halves[5, 7, 1] = bad
     assert not are_sound(halves)
+
+
+ALL = np.arange(1 << 16, dtype=np.uint16).view(np.float16)
+SOUND = ALL[: int(np.float16(np.inf).view(np.uint16))]
+
+
+@pytest.mark.parametrize("halves", [ALL, SOUND, SOUND[::3], SOUND[:0], SOUND[:6].reshape(2, 3)])
+def test_all_halves_become_the_floats_that_they_stand_for(halves: np.ndarray) -> None:
+    found = as_floats(halves)
+    assert found.dtype == np.float32
+    np.testing.assert_array_equal(found, halves.astype(np.float32))
+    if halves is not ALL:
+        np.testing.assert_array_equal(as_floats(halves, sound=True), found)
+
+
+def test_codes_become_floats() -> None:
+    np.testing.assert_array_equal(as_floats(np.array([0, 255], np.uint8)), [0, 255])
 
 
 @pytest.mark.parametrize(
