@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from compensate.foresight import Foreseen, foreseen
 from compensate.ghosts import edge_energy, ghost_contour
 from compensate.overview import Overview, Seen
-from compensate.plain import PlainFigures, PlainRuler
+from compensate.plain import Around, PlainFigures, PlainRuler
 from compensate.pose import Posed, differences
 from compensate.ruler import Ruler, averaged
 from compensate.solver.result import Result
@@ -161,6 +161,26 @@ class Look:
     loss: float
     by_seat: dict[str, float]
     plain: PlainFigures
+
+
+@final
+@dataclass(frozen=True)
+class Glance:
+    """What figures of one light need of it.
+
+    Parameters
+    ----------
+    seen
+        What is seen of it at all seats.
+    around
+        What is seen at the first seat around the master's stars.
+    subtracted
+        Whether it is exact clipped subtraction.
+    """
+
+    seen: Seen
+    around: Around
+    subtracted: bool
 
 
 @final
@@ -326,13 +346,19 @@ class Appraisal:
             star_untouched=polluted and polluted.crumey,
         )
 
-    def look(self, light: Light, *, plain: bool = True) -> Look:
+    def glance(self, light: Light) -> Glance:
+        """Takes from (view, row, col, primary) projected light all that `look` needs of it."""
+        seen = self._overview.of(light)
+        around = self._plain.at_stars(self._overview.around(light, seen))
+        return Glance(seen, around, self.posed.subtracts(light))
+
+    def look(self, light: Light | Glance, *, plain: bool = True) -> Look:
         """Computes what changes from method to method.
 
         Parameters
         ----------
         light
-            (view, row, col, primary) that is projected.
+            (view, row, col, primary) that is projected, or a glance at it.
         plain
             Whether to compute plain figures, too.
 
@@ -341,15 +367,16 @@ class Appraisal:
         look
             Quality lost, in the mean and by seat, and plain figures.
         """
-        figures, subtracted = PlainFigures(), self.posed.subtracts(light)
-        if subtracted and not plain:
-            losses = self._subtraction[1]
+        if not isinstance(light, Glance) and not plain and self.posed.subtracts(light):
+            losses, figures = self._subtraction[1], PlainFigures()
         else:
-            seen = self._overview.of(light)
-            losses = self._subtraction[1] if subtracted else self._losses(seen.small)
-        if plain:
-            small, around = self._of_first_seat(seen.small), self._overview.around(light, seen)
-            figures = self._plain.figures(small, self._black_before, around)
+            glance = light if isinstance(light, Glance) else self.glance(light)
+            small = glance.seen.small
+            losses = self._subtraction[1] if glance.subtracted else self._losses(small)
+            figures = PlainFigures()
+            if plain:
+                first = self._of_first_seat(small)
+                figures = self._plain.figures(first, self._black_before, glance.around)
         several = isinstance(self.posed.observation, SeveralSeats)
         return Look(_mean(losses), losses if several else {}, figures)
 

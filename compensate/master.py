@@ -16,7 +16,7 @@ from typing import Literal, final
 import numpy as np
 
 from compensate.aim import Aim
-from compensate.figures import Appraisal, Figures
+from compensate.figures import Appraisal, Figures, Glance
 from compensate.methods import Solver, require_method
 from compensate.own import own_problem
 from compensate.pose import Eye, Posed, Stage, require_within_range
@@ -163,7 +163,7 @@ def solve_frame(
 
 
 @final
-@dataclass(frozen=True)
+@dataclass
 class Solution:
     """A solved frame.
 
@@ -199,7 +199,26 @@ class Solution:
             return self.frame, 0.0
         return encoded(self.frame, self.result.light, self.posed.scene, self.posed.screen)
 
-    def figures(self, appraisal: Appraisal, file_clipped: float, *, brief: bool = False) -> Figures:
+    def glanced(self, appraisal: Appraisal) -> Glance | None:
+        """Forgets the light, once it is encoded, where figures need a glance alone: of domes.
+
+        Returns None where they need all of it, or none of it.
+        """
+        light, posed = self.result.light, self.posed
+        if posed.floor is None or posed.setting.uncertain is not None or posed.subtracts(light):
+            return None
+        glance = appraisal.glance(light)
+        self.result = replace(self.result, light=np.empty((len(light), 0, *light.shape[2:])))
+        return glance
+
+    def figures(
+        self,
+        appraisal: Appraisal,
+        file_clipped: float,
+        *,
+        brief: bool = False,
+        glance: Glance | None = None,
+    ) -> Figures:
         """Computes the figures of the frame.
 
         Parameters
@@ -211,6 +230,8 @@ class Solution:
         brief
             Leaves out `loss_before` and plain figures where subtraction is exact: in a sequence,
             they would take longer than all the rest.
+        glance
+            As of `glanced`.
 
         Returns
         -------
@@ -219,7 +240,7 @@ class Solution:
         """
         posed, result = self.posed, self.result
         brief = brief and posed.exact and posed.subtracts(result.light)
-        look = appraisal.look(result.light, plain=not brief)
+        look = appraisal.look(result.light if glance is None else glance, plain=not brief)
         left = appraisal.foreseen(result.light)
         return Figures(
             method=self.method,

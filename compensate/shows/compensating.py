@@ -30,7 +30,7 @@ from domesim.errors import InputError
 from domesim.frames import Master
 from domesim.host.numbers import decimal, percent
 from domesim.light import Light
-from domesim.light.planes import every
+from domesim.light.planes import every, planes_of
 from domesim.scene import Scene, StereoScene
 from domesim.scene.choice import SceneChoice
 from domesim.scene.screening import decoded, decoder
@@ -325,15 +325,21 @@ def _end(solution: Solution, write: Write) -> tuple[dict[str, Any], str]:
     """Write it while its figures are computed; of what subtraction shows, only quick ones."""
     posed, light = solution.posed, solution.result.light
     appraisal, exact = Appraisal(posed), posed.exact and posed.subtracts(light)
+    show, step = posed.scene.projector.to_display, thinning(posed.screen.shape)
+    views = posed.scene.views
+    small = [show(every(each, views, step))[0] for each in (posed.planes, planes_of(light))]
+    coarse, weights = 0.0, posed.scene.projector.luminance_weights
+    if not exact and not are_fine(solution.frame):
+        coarse = visible_steps(solution.frame, posed.seen(light), posed.screen, weights)
     frame, clipped = solution.encoded()
+    del light
+    glance = solution.glanced(appraisal)
     with ThreadPoolExecutor(1, "domesim-file") as beside:
         written = beside.submit(write, frame)
         del frame
-        found = solution.figures(appraisal, clipped, brief=exact)
+        found = solution.figures(appraisal, clipped, brief=exact, glance=glance)
         written.result()
-    show, step = posed.scene.projector.to_display, thinning(posed.screen.shape)
-    master = every(posed.planes, posed.scene.views, step)
-    write.small(*(show(each)[0] for each in (master, light[:, ::step, ::step])))
+    write.small(*small)
     if exact:
         return {**asdict(found), "loss_stored": None, "steps": 0.0}, line_of(found)
     stored = write.stored()
@@ -342,10 +348,6 @@ def _end(solution: Solution, write: Write) -> tuple[dict[str, Any], str]:
     lost = appraisal.loss((decoder if by_strips else decoded)(stored, posed.scene))
     del stored
     line = line_of(found)
-    weights = posed.scene.projector.luminance_weights
-    coarse = 0.0
-    if not are_fine(solution.frame):
-        coarse = visible_steps(solution.frame, posed.seen(light), posed.screen, weights)
     if coarse > COARSE:
         line += (
             f"\n  steps between the master's codes are seen on {coarse:.1%} of the screen: render "

@@ -18,7 +18,7 @@ from domesim.advice import ADVICE
 from domesim.errors import InputError, reason
 from domesim.frames.alpha import shown_over_black
 from domesim.frames.colour import ColourTag
-from domesim.frames.depths import FLOATING, INTEGER, code_span
+from domesim.frames.depths import FLOATING, INTEGER, code_span, dtype_of
 from domesim.frames.formats import FORMATS, LABELS
 from domesim.frames.formats.base import Format, Window, camera_raw
 from domesim.frames.frame import Frame, Header, Pixels
@@ -563,13 +563,39 @@ def read_plane(path: Path, reader: Any, place: int, channel: str, kind: str) -> 
 
 def read_samples(path: Path, reader: Any, channels: range, kind: str) -> NDArray[Any]:
     """(row, col, channel) of the data window of the reader's present part."""
-    samples = reader.read_image(reader.current_subimage(), 0, channels.start, channels.stop, kind)
+    samples = _samples(reader, channels, kind)
     problem, form = problem_of(reader), FORMATS[reader.format_name()]
     form.explain(path, problem)
     if samples is None or problem:
         raise damaged(path, form.label, f"one that does not decode ({problem})")
     result: NDArray[Any] = samples
     return result
+
+
+_BAND = 256
+"""Rows that are read at once: whole blocks of any compression of EXR."""
+
+
+def _samples(reader: Any, channels: range, kind: str) -> NDArray[Any] | None:
+    """(row, col, channel) of the data window; None if they cannot be read.
+
+    A picture that is read at once is copied by OpenImageIO, from memory that as many bytes take.
+    """
+    spec, part = reader.spec(), reader.current_subimage()
+    if reader.format_name() != "openexr" or spec.tile_width or spec.height <= _BAND:
+        whole: NDArray[Any] | None = reader.read_image(part, 0, channels.start, channels.stop, kind)
+        return whole
+    samples = np.empty((spec.height, spec.width, len(channels)), dtype_of(kind))
+    for row in range(0, spec.height, _BAND):
+        band = samples[row : row + _BAND]
+        first = spec.y + row
+        found = reader.read_scanlines(
+            part, 0, first, first + len(band), 0, channels.start, channels.stop, kind
+        )
+        if found is None:
+            return None
+        band[...] = found.reshape(band.shape)
+    return samples
 
 
 def refuse_several_images(path: Path, reader: Any) -> None:
