@@ -59,7 +59,7 @@ _PAGES, _FRAMES_A_PAGE = 3, 40
 
 _DIGITS = re.compile(r"[0-9]+")
 _ALIKE = 3  # messages of one cause that are printed
-_LOOK = 0.5  # s: how often to look for frames that others do
+_LOOK = 0.1  # s: how often to look for frames that others do
 _SPARE = 0.8  # of the memory that is free: what workers may need together
 
 
@@ -233,7 +233,7 @@ def _each(
         # To read all results of a long show takes hours, for which no worker should wait
         if recorded and fresh:
             console.say(f"{len(recorded)} of {len(orders)} have a record; they are checked last")
-        shared = _Shared(job, telling)
+        shared = _Shared(job, telling, recorded)
         _do(fresh, crew, shared, console, what)
         if job is not None and recorded and telling.has_all(fresh):
             if running.scheduler is None:
@@ -360,21 +360,34 @@ def _do(
 
 @final
 class _Shared:
-    """Divides a job's frames with other commands that work in its folder."""
+    """Divides a job's frames with other commands that work in its folder.
 
-    def __init__(self, job: Job | None, telling: _Telling) -> None:
-        self._claims = None if job is None else job.claims
-        self._telling = telling
+    Parameters
+    ----------
+    job
+        The job; None if nobody else can do its frames.
+    telling
+        Told of frames that other commands did.
+    recorded
+        Frames that had a record before, which tells nothing of what other commands do now.
+    """
+
+    def __init__(self, job: Job | None, telling: _Telling, recorded: Sequence[Order]) -> None:
+        self._job, self._claims = job, None if job is None else job.claims
+        self._telling, self._recorded = telling, set(recorded)
         self._elsewhere: list[Order] = []
 
     def take(self, order: Order) -> bool:
         """Whether this command does a frame; if not, another one has it or has just done it."""
-        if self._claims is None:
+        if self._job is None or self._claims is None:
             return True
         if not self._claims.take(order.output[0].name):
             self._elsewhere.append(order)
             return False
-        return True
+        record = None if order in self._recorded else self._job.record(order.output)
+        if record is not None:
+            self.end(order, finished_before(record))
+        return record is None
 
     def end(self, order: Order, outcome: Finished | Failed) -> None:
         """Takes the outcome of a frame, which is then free."""
@@ -389,26 +402,14 @@ class _Shared:
 
     def left(self, console: Console) -> list[Order]:
         """Waits for frames that other commands do; returns those that they left."""
-        waiting, self._elsewhere = self._elsewhere, []
-        if waiting:
-            console.say(f"{len(waiting)} frames are under way elsewhere; waiting for them")
-        while waiting:
+        if self._elsewhere:
+            console.say(f"{len(self._elsewhere)} frames are under way elsewhere; waiting for them")
+        taken: list[Order] = []
+        while self._elsewhere and not taken:
             time.sleep(_LOOK)
-            others, taken = [], []
-            for order in waiting:
-                if not self.take(order):
-                    continue
-                record = None if order.job is None else order.job.record(order.output)
-                if record is None:
-                    taken.append(order)
-                else:
-                    self.end(order, finished_before(record))
-            others, self._elsewhere = self._elsewhere, []
-            if taken:
-                self._elsewhere = others
-                return taken
-            waiting = others
-        return []
+            waiting, self._elsewhere = self._elsewhere, []
+            taken = [order for order in waiting if self.take(order)]
+        return taken
 
 
 def _changed(
@@ -631,11 +632,14 @@ class _Telling:
         self._lock = threading.Lock()
 
     def end(self, order: Order, outcome: Finished | Failed) -> None:
-        """Takes the outcome of one frame."""
+        """Takes the outcome of one frame; others may end meanwhile."""
         with self._lock:
             self._ended[order] = outcome
             if self._report is not None:
                 self._report.add(order, outcome)
+            self._tell(order, outcome)
+
+    def _tell(self, order: Order, outcome: Finished | Failed) -> None:
         if isinstance(outcome, Failed):
             # What would fail all frames is printed once, and what fails many alike a few times
             cause = _DIGITS.sub("#", outcome.reason)
