@@ -525,7 +525,11 @@ def _unwritten(path: Path, error: OSError) -> InputError:
 @cache
 def _machine() -> str:
     """Returns a mark of this machine, and of the processes that this one can see there."""
-    seen = Path()
+    return hashlib.sha256(f"{socket.gethostname()} {processes_seen()}".encode()).hexdigest()[:4]
+
+
+def processes_seen() -> str:
+    """Returns a mark of the processes that this one can see: those of its container."""
     with suppress(OSError):
-        seen = Path("/proc/self/ns/pid").readlink()
-    return hashlib.sha256(f"{socket.gethostname()} {seen}".encode()).hexdigest()[:4]
+        return str(Path("/proc/self/ns/pid").readlink())
+    return ""

@@ -10,8 +10,8 @@ A claim that nobody gave back tells a later run that an unfinished result is the
 
 from __future__ import annotations
 
+import hashlib
 import os
-import secrets
 from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
@@ -44,43 +44,44 @@ class Claims:
         place = self._folder / frame
         while True:
             try:
-                handle = os.open(place, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666)
-            except FileExistsError:
-                pass
-            except OSError:  # no claims can be made: whoever writes the result will say why
-                return True
-            else:
-                with os.fdopen(handle, "w") as file:
+                with place.open("x") as file:
                     file.write(self._clients.name)
                 return True
-            try:
-                holder = place.read_text()
-            except FileNotFoundError:  # it was just given back
+            except FileExistsError:
+                holder = self._holder(frame)
+            except OSError:  # no claims can be made: whoever writes the result will say why
+                return True
+            if holder is None:  # it was just given back
                 continue
             if holder == self._clients.name:
                 return True
             if self._clients.works(holder):
                 return False
-            self._take_away(place, holder)
+            # Only one command may take it away, while it is still the claim of the one that is gone
+            right = "." + hashlib.sha256(f"{frame} {holder}".encode()).hexdigest()
+            if not self.take(right):
+                return False
+            if self._holder(frame) == holder:
+                place.unlink(missing_ok=True)
+            self.give_back(right)
 
     def give_back(self, frame: str) -> None:
-        """Lets go of a frame that has ended."""
-        with suppress(OSError):
-            (self._folder / frame).unlink()
+        """Lets go of a frame that has ended, unless another command has taken it away."""
+        if self._holder(frame) == self._clients.name:
+            with suppress(OSError):
+                (self._folder / frame).unlink()
+
+    def _holder(self, frame: str) -> str | None:
+        """Name of the file of the command that has a frame; None if none has."""
+        try:
+            return (self._folder / frame).read_text(errors="replace")
+        except OSError:
+            return None
 
     def tidy(self, frames: Iterable[str]) -> None:
         """Removes claims of frames that are done, which commands that were killed left."""
         with suppress(OSError):
-            for frame in set(os.listdir(self._folder)).intersection(frames):  # noqa: PTH208
-                if self.take(frame):
+            ended = set(frames)
+            for frame in os.listdir(self._folder):  # noqa: PTH208
+                if (frame in ended or frame.startswith(".")) and self.take(frame):
                     self.give_back(frame)
-
-    def _take_away(self, place: Path, holder: str) -> None:
-        """Remove the claim of a command that is gone, unless another has done so and claimed it."""
-        gone = self._folder / f".{secrets.token_hex(8)}"
-        with suppress(FileNotFoundError):
-            place.rename(gone)
-            if gone.read_text() != holder:
-                with suppress(OSError):
-                    os.link(gone, place)
-            gone.unlink()

@@ -22,12 +22,12 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from datetime import datetime
 from pathlib import Path
-from typing import final
+from typing import Any, final
 
 import psutil
 
 from domesim.errors import InputError
-from domesim.host.writing import write_whole
+from domesim.host.writing import processes_seen, write_whole
 
 _PATIENCE = 30.0  # s: another command looks at the settings and writes them in milliseconds
 _GLANCE = 0.02  # s
@@ -59,11 +59,13 @@ class Clients:
 
     def enter_alone(self) -> bool:
         """Takes the lock alone, if it is free."""
-        taken = self._take(fcntl.LOCK_EX)
-        if taken is False:
+        if self._take(fcntl.LOCK_EX) is False:
             return False
-        for left in self._folder.glob("*.json") if taken else ():  # of commands that were killed
-            left.unlink(missing_ok=True)
+        for left in self._folder.glob("*.json"):
+            # Others may work there: some file systems keep locks for each machine alone
+            with suppress(OSError, ValueError, LookupError, TypeError):
+                if _is_gone(json.loads(left.read_bytes())):
+                    left.unlink(missing_ok=True)
         return True
 
     def share(self) -> None:
@@ -83,14 +85,17 @@ class Clients:
                 )
             time.sleep(_GLANCE)
         now = datetime.now().astimezone().isoformat(" ", "seconds")
-        who = {"host": socket.gethostname(), "pid": os.getpid(), "since": now}
-        write_whole(self._own, json.dumps(who).encode())
-        threading.Thread(target=self._beat, name="domesim-beat", daemon=True).start()
+        who = json.dumps({**_here(), "pid": os.getpid(), "since": now}).encode()
+        write_whole(self._own, who)
+        threading.Thread(target=self._beat, args=[who], name="domesim-beat", daemon=True).start()
 
-    def _beat(self) -> None:
+    def _beat(self, who: bytes) -> None:
         while not self._left.wait(BEAT):
-            with suppress(OSError):
-                os.utime(self._own)
+            with suppress(OSError, InputError):
+                try:
+                    os.utime(self._own)
+                except FileNotFoundError:  # it was silent for long, and others took it for gone
+                    write_whole(self._own, who)
 
     def works(self, name: str) -> bool:
         """Whether the command of that file is there, as far as can be known.
@@ -103,7 +108,7 @@ class Clients:
             with (self._folder / name).open("rb") as file:  # NFS looks anew when it opens
                 beat = os.fstat(file.fileno()).st_mtime_ns
                 who = json.load(file)
-            if who["host"] == socket.gethostname() and not psutil.pid_exists(who["pid"]):
+            if _is_gone(who):
                 return False
         except FileNotFoundError:
             return False
@@ -117,11 +122,11 @@ class Clients:
 
     def others(self) -> str:
         """Names the other commands in the folder, for a person; "" if they are unknown."""
-        here, names = socket.gethostname(), []
+        names = []
         for place in sorted(self._folder.glob("*.json")):
             with suppress(OSError, ValueError, LookupError, TypeError):
                 who = json.loads(place.read_bytes())
-                if place != self._own and (who["host"] != here or psutil.pid_exists(who["pid"])):
+                if place != self._own and not _is_gone(who):
                     names.append(f"{who['host']}, process {who['pid']}, since {who['since']}")
         return "; ".join(names)
 
@@ -143,6 +148,22 @@ class Clients:
                 raise
             return None  # a second command is told of the first by the settings alone
         return True
+
+
+def _here() -> dict[str, str]:
+    """Name of the machine, what tells when it was started, and which processes can be seen."""
+    boot = Path("/proc/sys/kernel/random/boot_id")
+    up = boot.read_text().strip() if boot.exists() else ""
+    return {"host": socket.gethostname(), "up": up, "processes": processes_seen()}
+
+
+def _is_gone(who: dict[str, Any]) -> bool:
+    """Whether a command is known to have ended, by its file; of other machines none is."""
+    here = _here()
+    if who["host"] != here["host"]:
+        return False
+    again = who["up"] != here["up"]
+    return again or (who["processes"] == here["processes"] and not psutil.pid_exists(who["pid"]))
 
 
 @contextmanager

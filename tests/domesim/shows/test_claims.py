@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import os
 import random
 import signal
@@ -14,6 +15,7 @@ from pathlib import Path
 
 import batches
 import pytest
+import sharing
 from batches import copied, harmful_in, make_show
 
 from domesim.shows import clients
@@ -123,6 +125,19 @@ def test_two_commands_share_the_frames(tmp_path: Path) -> None:
     assert min(pids.values()) >= FRAMES // 4, pids
 
 
+@pytest.mark.parametrize("killed", [False, True])
+def test_commands_that_have_a_folder_by_two_ways_divide_its_frames(
+    tmp_path: Path, killed: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As the program `sharing` tries it where a folder is mounted twice."""
+    (tmp_path / "one").mkdir()
+    (tmp_path / "two").symlink_to("one")
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(ROOT / "tests"), str(ROOT)]))
+    done = sharing.shared([tmp_path / "one", tmp_path / "two"], killed=killed)
+    assert set(done) <= ({1, 2} if killed else {1})
+    assert done[2] <= 1
+
+
 # One claim.
 
 
@@ -191,3 +206,49 @@ def test_a_claim_that_another_takes_first_stays_its_own(
         assert not slow.take("a")
         assert (tmp_path / FOLDER / "a").read_text() == second.name
         assert [path.name for path in (tmp_path / FOLDER).iterdir()] == ["a"]
+
+
+def test_a_claim_that_was_taken_away_is_not_given_back_by_who_had_it(tmp_path: Path) -> None:
+    """A machine slept for longer than the lease, and wakes."""
+    with clients_of(tmp_path) as first, clients_of(tmp_path) as second:
+        ours, theirs = claims_of(tmp_path, first), claims_of(tmp_path, second)
+        assert ours.take("a")
+        (tmp_path / FOLDER / "a").write_text("gone.json")
+        assert theirs.take("a")
+        ours.give_back("a")
+        assert not ours.take("a")
+
+
+def test_a_command_that_was_taken_for_gone_is_heard_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(clients, "BEAT", 0.02)
+    with clients_of(tmp_path) as first:
+        first.share()
+        (tmp_path / "clients" / first.name).unlink()
+        while not first.works(first.name):
+            time.sleep(0.01)
+
+
+def test_a_lock_that_another_machine_does_not_see_ends_no_command_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """sshfs, and NFS with ``local_lock``, let one on each machine enter alone."""
+    monkeypatch.setattr(clients.socket, "gethostname", lambda: "there")
+    with clients_of(tmp_path) as first:
+        assert claims_of(tmp_path, first).take("a")
+        monkeypatch.setattr(clients.socket, "gethostname", lambda: "here")
+        monkeypatch.setattr(clients.fcntl, "flock", lambda lock, how: None)
+        with clients_of(tmp_path) as second:
+            assert second.enter_alone()
+            assert not claims_of(tmp_path, second).take("a")
+
+
+def test_a_command_of_before_the_machine_was_started_anew_is_gone(tmp_path: Path) -> None:
+    with clients_of(tmp_path) as first, clients_of(tmp_path) as second:
+        assert claims_of(tmp_path, first).take("a")
+        place = tmp_path / "clients" / first.name
+        who = json.loads(place.read_text())
+        assert not claims_of(tmp_path, second).take("a")
+        place.write_text(json.dumps(who | {"up": "before"}))
+        assert claims_of(tmp_path, second).take("a")
