@@ -47,23 +47,26 @@ class Claims:
                 with place.open("x") as file:
                     file.write(self._clients.name)
                 return True
-            except FileExistsError:
+            except OSError as error:
                 holder = self._holder(frame)
-            except OSError:  # no claims can be made: whoever writes the result will say why
-                return True
-            if holder is None:  # it was just given back
-                continue
-            if holder == self._clients.name:
-                return True
+                if holder is None and isinstance(error, FileExistsError):  # it was just given back
+                    continue
+                # sshfs does not say that there is one. Where none can be made, writing will say why
+                if holder in (None, self._clients.name):
+                    return True
             if self._clients.works(holder):
                 return False
             # Only one command may take it away, while it is still the claim of the one that is gone
             right = "." + hashlib.sha256(f"{frame} {holder}".encode()).hexdigest()
             if not self.take(right):
                 return False
-            if self._holder(frame) == holder:
-                place.unlink(missing_ok=True)
-            self.give_back(right)
+            try:
+                if self._holder(frame) == holder:
+                    place.unlink(missing_ok=True)
+            except OSError:  # another user's
+                return True
+            finally:
+                self.give_back(right)
 
     def give_back(self, frame: str) -> None:
         """Lets go of a frame that has ended, unless another command has taken it away."""
@@ -72,11 +75,13 @@ class Claims:
                 (self._folder / frame).unlink()
 
     def _holder(self, frame: str) -> str | None:
-        """Name of the file of the command that has a frame; None if none has."""
+        """Name of the file of the command that has a frame; None if none has, "" if unreadable."""
         try:
             return (self._folder / frame).read_text(errors="replace")
-        except OSError:
+        except FileNotFoundError:
             return None
+        except OSError:
+            return ""
 
     def tidy(self, frames: Iterable[str]) -> None:
         """Removes claims of frames that are done, which commands that were killed left."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import json
 import os
@@ -12,6 +13,7 @@ import sys
 import time
 from collections import Counter
 from pathlib import Path
+from typing import Any
 
 import batches
 import pytest
@@ -252,3 +254,34 @@ def test_a_command_of_before_the_machine_was_started_anew_is_gone(tmp_path: Path
         assert not claims_of(tmp_path, second).take("a")
         place.write_text(json.dumps(who | {"up": "before"}))
         assert claims_of(tmp_path, second).take("a")
+
+
+def test_a_claim_that_is_refused_in_other_words_is_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """sshfs says "not permitted" where a file has come there by another way."""
+
+    def refuse(path: Path, mode: str = "r", *arguments: Any, **options: Any) -> Any:
+        if mode == "x":
+            raise PermissionError(errno.EPERM, "not permitted")
+        return original(path, mode, *arguments, **options)
+
+    with clients_of(tmp_path) as first, clients_of(tmp_path) as second:
+        ours, theirs = claims_of(tmp_path, first), claims_of(tmp_path, second)
+        assert ours.take("a")
+        original = Path.open
+        monkeypatch.setattr(Path, "open", refuse)
+        assert not theirs.take("a")
+        assert theirs.take("b")  # nobody can claim: frames are done all the same
+
+
+def test_a_claim_that_nobody_can_read_or_remove_ends_no_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(clients, "LEASE", 0.05)
+    with clients_of(tmp_path) as first:
+        ours = claims_of(tmp_path, first)
+        (tmp_path / FOLDER / "a").mkdir()
+        assert not ours.take("a")
+        time.sleep(0.1)
+        assert ours.take("a")
