@@ -14,8 +14,10 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from domesim.frames.yuv import SITINGS
+from domesim.host.files import open_plain
 
 _HEAD = 1 << 20  # bytes in which Matroska's tracks are looked for
+_LARGEST = 1 << 28  # bytes of an index: that of a day is a tenth of it
 _MATROSKA = b"\x1a\x45\xdf\xa3"
 _WAY = (0x18538067, 0x1654AE6B, 0xAE, 0xE0)  # Segment, Tracks, TrackEntry, Video
 _CROPS = (0x54CC, 0x54BB, 0x54DD, 0x54AA)  # left, top, right, bottom
@@ -35,7 +37,7 @@ def cropping_of(video: Path, cols: int, rows: int) -> Crop:
     cols, rows
         What is stored, pixels.
     """
-    with video.open("rb") as file:
+    with open_plain(video) as file:
         head = file.read(_HEAD)
         if head.startswith(_MATROSKA):
             found = dict(_elements(head, 0, len(head), _WAY))
@@ -52,15 +54,21 @@ def cropping_of(video: Path, cols: int, rows: int) -> Crop:
     return edges if min(edges) >= 0 and wide > 0 and high > 0 else (0, 0, 0, 0)
 
 
+def lacks_index(video: Path) -> bool:
+    """Whether a file begins as an MP4 and has no whole box moov: it broke off."""
+    with open_plain(video) as file:
+        return file.read(8)[4:] == b"ftyp" and not _index_of(file)
+
+
 def _index_of(file: BinaryIO) -> bytes:
-    """The box moov of an MP4; nothing if there is none."""
+    """The box moov of an MP4, at most `_LARGEST` of it; nothing if there is no whole one."""
     place, end = 0, file.seek(0, 2)
     while place + 8 <= end:
         file.seek(place)
         size, kind, long = struct.unpack(">I4sQ", file.read(16).ljust(16, b"\0"))
         size = long if size == 1 else size or end - place
-        if kind == b"moov":
-            return file.read(min(size, end - place))
+        if kind == b"moov" and place + size <= end:
+            return file.read(min(size, _LARGEST))
         place += max(size, 8)
     return b""
 

@@ -38,7 +38,7 @@ from domesim.advice import ADVICE
 from domesim.errors import InputError, reason
 from domesim.frames.alpha import shown_over_black
 from domesim.frames.colour import ColourTag, colour_of_code_points
-from domesim.frames.containers import cropping_of, siting_of
+from domesim.frames.containers import cropping_of, lacks_index, siting_of
 from domesim.frames.eyes import Eyes, of_video
 from domesim.frames.ffv1 import is_whole
 from domesim.frames.frame import Frame, Header
@@ -46,7 +46,7 @@ from domesim.frames.integrity import SQUARE, damaged, projected, refuse_sides
 from domesim.frames.messages import one_line
 from domesim.frames.orientation import UPRIGHT, turned
 from domesim.frames.yuv import MATRICES, PixelFormat, beyond_limits, code_values, pixel_format
-from domesim.host.files import KEPT_OPEN
+from domesim.host.files import KEPT_OPEN, open_plain
 
 SUFFIXES = (".mov", ".mp4", ".m4v", ".mkv", ".webm", ".mxf")
 """Suffixes of files that are videos."""
@@ -252,6 +252,8 @@ def _state(video: Path) -> tuple[Path, int, int]:
 
 # The file.
 
+_WITHOUT = "an MP4 without its index (moov), or with half of it"
+
 
 @contextmanager
 def _refused(path: Path) -> Iterator[None]:
@@ -263,14 +265,14 @@ def _refused(path: Path) -> Iterator[None]:
     except (av.FFmpegError, UnicodeError) as error:
         problem = error.strerror if isinstance(error, av.FFmpegError) else str(error)
         got = f"one that does not decode ({one_line(problem or '').lower()})"
-        raise damaged(path, "video", got) from None
+        raise damaged(path, "video", _WITHOUT if lacks_index(path) else got) from None
 
 
 @contextmanager
 def _opened(video: Path) -> Iterator[tuple[Any, Stream]]:
     """The container and the picture of a video."""
     av = pyav(video)
-    with video.open("rb") as file:
+    with open_plain(video) as file:
         container = container_of(file.read(START))
     if container is not None and container not in _READ:
         raise other_container(video, container)
@@ -290,6 +292,8 @@ def _picture_of(video: Path, container: Any) -> Stream:
     av = pyav(video)
     covers = av.stream.Disposition.attached_pic
     streams = [each for each in container.streams.video if not each.disposition & covers]
+    if not streams and lacks_index(video):
+        raise damaged(video, "video", _WITHOUT)
     if not streams:
         got = "sound alone" if container.streams.audio else "a file that has none"
         raise InputError(f"{video}: wanted pictures, got {got}. Name the film.")
@@ -344,7 +348,7 @@ def _require_codec(video: Path, context: Any) -> None:
                 "them."
             )
         return
-    with video.open("rb") as file:
+    with open_plain(video) as file:
         if _ENCRYPTED in file.read(_HEADER):
             raise InputError(
                 f"{video}: wanted a DCP's picture, got an encrypted one. Ask for one that is not, "
@@ -402,7 +406,7 @@ def _looked_through(video: Path, size: int, changed: int) -> tuple[int, bool, in
 def _says_stereoscopic(video: Path) -> bool:
     if video.suffix.lower() != ".mxf":
         return False
-    with video.open("rb") as file:
+    with open_plain(video) as file:
         return _STEREOSCOPIC.search(file.read(_HEADER)) is not None
 
 

@@ -566,3 +566,14 @@ def test_a_film_of_sound_only_is_told(tmp_path: Path) -> None:
         container.mux(stream.encode(None))
     with pytest.raises(InputError, match=r"sound\.mp4: wanted pictures, got sound alone"):
         frame_paths(path)
+
+
+@pytest.mark.parametrize("kind", ["H.264", "ProRes 4444"])
+def test_a_film_without_its_index_is_told(tmp_path: Path, kind: str) -> None:
+    """Of a recording that broke off: FFmpeg finds a damaged file, or one without streams."""
+    film = write_numbered(tmp_path / f"film{KINDS[kind].suffix}", KINDS[kind], 3)
+    content = film.read_bytes()
+    end = content.index(b"moov") - 4
+    film.write_bytes(content[:end] if end > len(content) // 2 else content[:end] + content[-900:])
+    with pytest.raises(InputError, match=r"got an MP4 without its index \(moov\)"):
+        frame_paths(film)

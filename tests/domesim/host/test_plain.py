@@ -11,10 +11,13 @@ import pytest
 from domesim.errors import InputError
 from domesim.frames import read_frame
 from domesim.frames.arrays import read_arrays
+from domesim.frames.video import frame_paths
 from domesim.measure.dome.file import read_survey
 from domesim.readings.meter import read_readings
 from domesim.room.furniture import from_file
+from domesim.room.masks import read_mask
 from domesim.scene import load_scene
+from domesim.scene.mpcdi import read_mpcdi
 
 READERS: dict[str, Callable[[Path], object]] = {
     "scene.toml": load_scene,
@@ -23,6 +26,10 @@ READERS: dict[str, Callable[[Path], object]] = {
     "readings.ti3": read_readings,
     "transport.npz": lambda path: read_arrays(path, "a", "transport", ()),
     "picture.exr": read_frame,
+    "film.mp4": frame_paths,
+    "film.mkv": frame_paths,
+    "lamps.mpcdi": read_mpcdi,
+    "mask.png": read_mask,
     "seats.stl": lambda path: from_file(path, "seats", (0.1, 0.1, 0.1)),
 }
 
@@ -46,7 +53,9 @@ def test_a_pipe_is_not_opened(tmp_path: Path, name: str) -> None:
         READERS[name](tmp_path / name)
 
 
-@pytest.mark.parametrize("name", [name for name in READERS if "exr" not in name])
+@pytest.mark.parametrize(
+    "name", [name for name in READERS if not name.startswith(("picture", "film"))]
+)
 @pytest.mark.usefixtures("patience")
 def test_a_giant_is_named_and_not_read(tmp_path: Path, name: str) -> None:
     path = tmp_path / name
