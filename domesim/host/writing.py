@@ -75,7 +75,9 @@ def prepare(
     there = {path: state for path in targets if (state := _state(path)) is not None}
     read = {found for each in inputs if each and (found := _followed(Path(each)))}
     for path in there:
-        if path.is_dir():
+        with _told(path):
+            is_folder = path.is_dir()
+        if is_folder:
             raise InputError(
                 f"{path}: wanted a file for the results, got 'is a directory'. Choose another name."
             )
@@ -162,9 +164,11 @@ def refuse(others: Sequence[Path], way: str = "Choose another folder") -> None:
 
 def is_listed(path: Path, lines: frozenset[bytes], name: str | None = None) -> bool:
     """Whether a file is as a line of ``sha256sum`` has it, under its `name` there."""
-    if not lines or path.is_symlink() or not path.is_file():
+    if not lines:
         return False
     try:
+        if path.is_symlink() or not path.is_file():
+            return False
         with path.open("rb") as file:
             digest = _sha256(file)
     except OSError:
@@ -220,14 +224,11 @@ def write_together(contents: Sequence[tuple[Path, bytes]]) -> None:
     temporaries: list[Path] = []
     with _tidied(temporaries):
         for path, content in contents:
-            try:
-                temporaries.append(temporary_of(path))
-                with os.fdopen(_new(temporaries[-1]), "wb") as file:
-                    file.write(content)
-                    file.flush()
-                    os.fsync(file.fileno())
-            except OSError as error:
-                raise _unwritten(path, error) from error
+            temporaries.append(temporary_of(path))
+            with _told(path), os.fdopen(_new(temporaries[-1]), "wb") as file:
+                file.write(content)
+                file.flush()
+                os.fsync(file.fileno())
         digests = [
             hashlib.sha256(content).hexdigest() if _is_prepared(path) else None
             for path, content in contents
@@ -246,14 +247,12 @@ def written_to(path: Path) -> Iterator[Path]:
     """
     temporary = temporary_of(path)
     with _tidied([temporary]):
-        try:
+        with _told(path):
             os.close(_new(temporary))
             yield temporary
             with temporary.open("rb") as file:
                 os.fsync(file.fileno())
                 digest = _sha256(file) if _is_prepared(path) else None
-        except OSError as error:
-            raise _unwritten(path, error) from error
         _put([path], [temporary], [digest])
 
 
@@ -266,10 +265,8 @@ def note_written(sums: Mapping[Path, str]) -> None:
         If one cannot be listed.
     """
     for path, digest in sums.items():
-        try:
+        with _told(path):
             _note(path, digest)
-        except OSError as error:
-            raise _unwritten(path, error) from error
 
 
 def temporary_of(path: Path) -> Path:
@@ -280,9 +277,13 @@ def temporary_of(path: Path) -> Path:
 
 def sweep(folder: Path) -> None:
     """Remove what processes of this machine that are gone left half-written in `folder`."""
-    for path in folder.glob(".*.tmp-*"):
-        match = _TEMPORARY.search(path.name)
+    names: list[str] = []
+    with suppress(OSError):
+        names = os.listdir(folder)  # noqa: PTH208 - a hundred thousand
+    for name in names:
+        match = _TEMPORARY.search(name)
         if match and match[1] == _machine() and not psutil.pid_exists(int(match[2])):
+            path = folder / name
             with suppress(OSError, InputError):
                 if path.is_dir():
                     remove_own(path)
@@ -462,19 +463,17 @@ def _note(path: Path, digest: str) -> None:
 
 def _put(paths: Sequence[Path], temporaries: Sequence[Path], digests: Sequence[str | None]) -> None:
     """Give written files their names; those with a digest are listed."""
-    path = paths[0]
-    try:
-        for path in paths:
-            # Found by the renaming itself, it would come after others' renaming.
+    for path in paths:
+        # Found by the renaming itself, it would come after others' renaming.
+        with _told(path):
             if path.is_dir() and not path.is_symlink():
                 raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
-        for path, digest in zip(paths, digests, strict=True):
-            if digest is not None:
-                _note(path, digest)
-        for path, temporary in zip(paths, temporaries, strict=True):
+    for path, digest in zip(paths, digests, strict=True):
+        if digest is not None:
+            note_written({path: digest})
+    for path, temporary in zip(paths, temporaries, strict=True):
+        with _told(path):
             _rename(temporary, path)
-    except OSError as error:
-        raise _unwritten(path, error) from error
 
 
 def _rename(temporary: Path, path: Path) -> None:
@@ -509,8 +508,16 @@ def _tidied(temporaries: list[Path]) -> Iterator[None]:
                 temporary.unlink()
 
 
+@contextmanager
+def _told(path: Path) -> Iterator[None]:
+    """What the system says while a file is written, as an `InputError`."""
+    try:
+        yield
+    except OSError as error:
+        raise _unwritten(path, error) from error
+
+
 def _unwritten(path: Path, error: OSError) -> InputError:
-    """What to say of a file that could not be written."""
     ways = {
         **dict.fromkeys(_FULL, "Free some space, or write elsewhere"),
         errno.ENOENT: "Create the folder first",
