@@ -38,6 +38,8 @@ _HEAD = b"# What domesim wrote here, as it was written. It replaces these files,
 _OWN = b"# domesim made this folder. It removes it when it makes it anew.\n"
 _LONGEST = 1 << 26  # bytes of a list
 
+_MOVE = "Move it away, or choose another folder"
+
 _FULL = (errno.ENOSPC, errno.EDQUOT)
 _OF_ONE = (errno.EISDIR, errno.ENAMETOOLONG, errno.EEXIST)
 _NO_LINKS = (errno.EPERM, errno.ENOTSUP, errno.ENOSYS, errno.EXDEV, errno.EMLINK)
@@ -90,7 +92,7 @@ def prepare(
     if not overwrite:
         refuse(
             [path for path in there if not is_listed(path, lists[path.parent])],
-            "Choose another folder" if overwrite is None else "Choose another name, or --overwrite",
+            _MOVE if overwrite is None else "Choose another name, or --overwrite",
         )
     for folder in folders:
         prepare_folder(folder)
@@ -146,7 +148,7 @@ def _require_name(path: Path) -> None:
         ) from error
 
 
-def refuse(others: Sequence[Path], way: str = "Choose another folder") -> None:
+def refuse(others: Sequence[Path], way: str = _MOVE) -> None:
     """Refuse to replace somebody else's files, if there are any; `way` is what to do instead.
 
     Raises

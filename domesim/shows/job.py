@@ -357,11 +357,25 @@ def require_own_results(out: Path, files: Mapping[Path, str]) -> None:
     folder = out / FOLDER
     if not _is_of_before(folder):
         require_own(folder)
-    there = {place: _names_in(place) for place in {path.parent for path in files}}
+    there = {place: _Names(place) for place in {path.parent for path in files}}
     known = _names_in(folder) | {f"{name}.json" for name in _names_in(folder / CLAIMS)}
-    others = [p for p, record in files.items() if p.name in there[p.parent] and record not in known]
+    others = [p for p, record in files.items() if record not in known and there[p.parent].has(p)]
     lists = {place: listed(place) for place in there}
     refuse([path for path in others if not is_listed(path, lists[path.parent])])
+
+
+@final
+class _Names:
+    """Names in a folder, which its file system may take for others: other cases, other accents."""
+
+    def __init__(self, folder: Path) -> None:
+        names = _names_in(folder)
+        self._lower = {name.lower() for name in names} if all(map(str.isascii, names)) else None
+
+    def has(self, path: Path) -> bool:
+        """Whether a file of that name is there, to the file system: it is asked of few."""
+        alike = self._lower is None or not path.name.isascii() or path.name.lower() in self._lower
+        return alike and os.path.lexists(path)
 
 
 def _names_in(folder: Path) -> set[str]:

@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import time
+import unicodedata
 from pathlib import Path
 from typing import Any
 
@@ -274,3 +275,27 @@ def test_frames_of_another_program_are_not_mixed_unless_told(
     )
     assert done.kept == 2
     assert "2 of them with other settings" in capsys.readouterr().out
+
+
+# Somebody's files.
+
+
+@pytest.mark.parametrize("theirs", ["IN.0002.EXR", "in.0002.exr", "\uff49n.0002.exr"])
+def test_a_name_that_the_file_system_takes_for_a_results_is_somebodys(
+    tmp_path: Path, recipe: Harmful, monkeypatch: pytest.MonkeyPatch, theirs: str
+) -> None:
+    """Those of Windows and macOS take other cases, or other letters, for the same name."""
+
+    def is_there(path: Path) -> bool:
+        names = (each.name for each in path.parent.iterdir())
+        return path.name in {unicodedata.normalize("NFKC", name).lower() for name in names}
+
+    make_show(tmp_path / "in", 3)
+    (tmp_path / "out").mkdir()
+    place = tmp_path / "out" / theirs
+    place.write_text("somebody's")
+    monkeypatch.setattr(os.path, "lexists", is_there)
+    with pytest.raises(InputError, match=r"in\.0002\.exr: wanted a free place"):
+        copied(tmp_path, recipe, 0)
+    assert place.read_text() == "somebody's"
+    assert list((tmp_path / "out").iterdir()) == [place]
