@@ -61,6 +61,9 @@ SLOW = {
 NOWHERE = {"doctor", "live", "report-card", "measure response", "study power"}
 """Commands that write no files."""
 
+OWN = ("job", "pictures", "server")
+"""Folders that commands make for themselves."""
+
 ANSWERING = {"study play"}
 """Commands that write what others send them: tests/validation/test_audience_page.py."""
 
@@ -139,13 +142,42 @@ def survey() -> None:
 
 
 def digests(folder: Path) -> dict[str, str]:
-    """Relative path -> SHA-256 of each file, and "" of each folder."""
-    return {
-        str(path.relative_to(folder)): ""
-        if path.is_dir()
-        else hashlib.sha256(path.read_bytes()).hexdigest()
-        for path in sorted(folder.rglob("*"))
-    }
+    """Relative path -> SHA-256 of each file, "" of each folder, and where each link leads."""
+
+    def state(path: Path) -> str:
+        if path.is_symlink():
+            return f"-> {path.readlink()}"
+        return "" if path.is_dir() else hashlib.sha256(path.read_bytes()).hexdigest()
+
+    return {str(path.relative_to(folder)): state(path) for path in sorted(folder.rglob("*"))}
+
+
+def file(path: Path) -> None:
+    path.write_text(f"{path.name} of somebody else")
+
+
+def folder(path: Path) -> None:
+    path.mkdir()
+    file(path / "theirs")
+
+
+def link(path: Path) -> None:
+    path.symlink_to(Path("elsewhere").absolute() / "theirs")
+
+
+def link_to_nothing(path: Path) -> None:
+    path.symlink_to("nothing")
+
+
+WAYS = (file, folder, link, link_to_nothing)
+"""What somebody else may have in a file's place."""
+
+
+def removed(path: Path) -> None:
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path)
+    else:
+        path.unlink(missing_ok=True)
 
 
 @pytest.mark.parametrize(
@@ -165,20 +197,26 @@ def test_files_of_somebody_else_stay(
     if command != "scene new":  # whose figures are edited
         assert run(*words).code == 0  # over its own
     for name in sorted(made, reverse=True):
-        path = inputs / name
-        shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
+        removed(inputs / name)
 
     files = [name for name, digest in made.items() if digest and Path(name).name != LIST]
     assert files
-    for kind in ("all files", *files, *(name for name in made if Path(name).name == LIST)):
-        for name in files if kind == "all files" else [kind]:
+    lists = [name for name in made if Path(name).name == LIST]
+    own = [str(Path(name).parent) for name in lists if (inputs / name).parent.name in OWN]
+    tried = [(files, way) for way in WAYS]
+    tried += [([name], file) for name in (*files, *lists)]
+    tried += [([name], WAYS[1 + number % 3]) for number, name in enumerate(files)]
+    tried += [([name], way) for name in own for way in WAYS]
+    folder(inputs / "elsewhere")
+    for names, way in tried:
+        for name in names:
             path = inputs / name
             path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(f"{name} of somebody else")
+            way(path)
         theirs = digests(inputs)
         refused = run(*words)
         refused.is_refused()
-        assert digests(inputs) == theirs, kind
+        assert digests(inputs) == theirs, (names, way)
         for name in sorted(set(theirs) - set(before), reverse=True):
-            path = inputs / name
-            path.rmdir() if path.is_dir() else path.unlink()
+            if not name.startswith("elsewhere"):
+                removed(inputs / name)

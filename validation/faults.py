@@ -114,6 +114,7 @@ def faults(show: Show) -> list[Fault]:
         ),
         Fault("a folder of results that goes away", lambda run, out: _remove(out)),
         Fault("a folder of records that goes away", lambda run, out: _remove(out / "job")),
+        Fault("a folder of claims that goes away", lambda run, out: _remove(out / "job/claims")),
         Fault("a flipped bit in each record", _each("job/[!.]*.*.json", _flip)),
         Fault("a flipped bit in each result", _each("[!.]*.exr", _flip)),
         Fault("results cut in half", _each("[!.]*.exr", lambda path: os.truncate(path, 300))),

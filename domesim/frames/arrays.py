@@ -76,6 +76,7 @@ def read_arrays(path: Path, wanted: str, kind: str, names: tuple[str, ...]) -> d
 
 
 _LARGEST = 256 << 30  # bytes of a transport that memory might hold
+_FEWEST = 1 << 12  # bytes of a short text
 _FEW = 1 << 27  # bytes that any machine has
 _PACKED = 16  # times that numbers of a transport are packed, at most; zeros are a thousand times
 
@@ -83,7 +84,10 @@ _PACKED = 16  # times that numbers of a transport are packed, at most; zeros are
 def _require_sizes(path: Path, file: BinaryIO) -> None:
     """Refuse a file whose directory says that it becomes much more than it is."""
     with zipfile.ZipFile(file) as package:
-        size = sum(entry.file_size for entry in package.infolist())
+        sizes = {entry.filename: entry.file_size for entry in package.infolist()}
+    if max(sizes.get(f"{name}.npy", 0) for name in ("format", "sha256")) > _FEWEST:
+        raise ValueError("a long text")
+    size = sum(sizes.values())
     packed = file.seek(0, os.SEEK_END)
     file.seek(0)
     if size > max(_FEW, _PACKED * packed):

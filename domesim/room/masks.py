@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import io
 import warnings
+from math import ceil, sqrt
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +15,10 @@ from domesim.errors import InputError, reason
 from domesim.host.files import read_plain
 from domesim.room.theatre import Mask
 
-_LARGEST = 1 << 28  # bytes, and pixels: more than any projector has
+_LARGEST = 1 << 27  # bytes
+_PIXELS = 1 << 25  # those of 8K
+_FINEST = 1 << 20
+"""Pixels of a mask or warp that are kept: of more some are left out, for a blend is smooth."""
 _CODES = 65535
 
 
@@ -33,7 +38,7 @@ def read_mask(path: Path) -> Mask:
 
 
 def grey_of(content: bytes, where: str) -> NDArray[np.float64]:
-    """(row, col) 0..1: codes of a grey PNG, or of one whose R, G, B are alike.
+    """(row, col) 0..1: codes of a grey PNG, or of one whose R, G, B are alike; as of `thinned`.
 
     Raises
     ------
@@ -44,19 +49,25 @@ def grey_of(content: bytes, where: str) -> NDArray[np.float64]:
 
     try:
         with warnings.catch_warnings(action="ignore"), Image.open(io.BytesIO(content)) as opened:
-            if opened.width * opened.height > _LARGEST:
+            if opened.width * opened.height > _PIXELS:
                 raise InputError(f"{where}: wanted a mask, got {opened.width} x {opened.height} px")
             # Pillow has 16 bits of grey only
             deep = opened.mode.startswith("I")
-            codes = np.asarray(opened if deep or opened.mode in "L1" else opened.convert("RGB"))
+            plain = deep or opened.mode in ("L", "1", "RGB", "RGBA")
+            codes = thinned(np.asarray(opened if plain else opened.convert("RGB")))
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
         raise InputError(f"{where}: wanted a PNG of grey, got one that does not read") from error
-    shares = codes / (_CODES if deep else 1 if codes.dtype == bool else 255)
-    if shares.ndim == 3:
-        if np.ptp(shares, axis=2).max() > 0:
+    if codes.ndim == 3:
+        if not (codes[..., :3] == codes[..., :1]).all():
             raise InputError(f"{where}: wanted a mask of grey, got colours. Save it as grey")
-        shares = shares[..., 0]
-    return np.asarray(shares, np.float64)
+        codes = codes[..., 0]
+    return np.asarray(codes / (_CODES if deep else 1 if codes.dtype == bool else 255), np.float64)
+
+
+def thinned(values: NDArray[Any]) -> NDArray[Any]:
+    """At most a million of (row, col, ...) values, evenly spread, in memory of their own."""
+    step = ceil(sqrt(max(1, values.shape[0] * values.shape[1] / _FINEST)))
+    return values[step // 2 :: step, step // 2 :: step].copy()
 
 
 def written_mask(weights: NDArray[np.float64]) -> bytes:

@@ -6,7 +6,7 @@ import difflib
 import json
 import re
 import reprlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any, final, get_args
 
@@ -15,13 +15,21 @@ from pydantic import BaseModel, ValidationError
 from domesim.errors import InputError
 from domesim.scene.fields import TAGS
 
+_MOST = 50  # mistakes that are told
+
 
 def all_mistakes(error: ValidationError, where: str, model: type[BaseModel]) -> str:
     """One line for each mistake that pydantic found in `where`, a file that `model` describes."""
-    mistakes = list(dict.fromkeys(_mistake(item, model) for item in error.errors()))
-    if len(mistakes) == 1:
+    # Nobody reads a thousand, and each of an unknown key takes a millisecond
+    found, more = error.errors()[:_MOST], max(0, error.error_count() - _MOST)
+    mistakes = list(dict.fromkeys(_mistake(item, model) for item in found))
+    if len(mistakes) + more == 1:
         return f"{where}: {mistakes[0]}"
-    return "\n  ".join([f"{where} has {len(mistakes)} mistakes:", *mistakes])
+    return "\n  ".join(_listed(f"{where} has {len(mistakes) + more} mistakes:", mistakes, more))
+
+
+def _listed(head: str, mistakes: Sequence[str], more: int) -> list[str]:
+    return [head, *mistakes, *([f"and {more} more"] if more else [])]
 
 
 @final
@@ -50,7 +58,8 @@ class Mistakes:
         if len(self._found) == 1:
             raise InputError(self._found[0])
         if self._found:
-            raise InputError("\n  ".join([f"has {len(self._found)} mistakes:", *self._found]))
+            head, more = f"has {len(self._found)} mistakes:", max(0, len(self._found) - _MOST)
+            raise InputError("\n  ".join(_listed(head, self._found[:_MOST], more)))
 
 
 def _mistake(item: Any, model: type[BaseModel]) -> str:
@@ -106,5 +115,5 @@ def _models_in(annotation: Any) -> list[type[BaseModel]]:
 
 def suggestion(name: str, known: list[str]) -> str:
     """The known name that is nearest to `name`, as a question; nothing if none is near."""
-    close = difflib.get_close_matches(name, known, 1)
+    close = difflib.get_close_matches(name[:80], known, 1)
     return f" (did you mean {close[0]!r}?)" if close else ""

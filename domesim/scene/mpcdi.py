@@ -28,14 +28,18 @@ from domesim.host.files import read_plain
 from domesim.room.beams import lands, on_screen
 from domesim.room.dome import Dome
 from domesim.room.lenses import field_edges, field_weight, lens_frame
-from domesim.room.masks import grey_of, written_mask
+from domesim.room.masks import grey_of, thinned, written_mask
 from domesim.room.theatre import Lens, Mask
 
 Floats = NDArray[np.float64]
 
 PROFILE = "sl"
-_LARGEST = 1 << 28
-"""Bytes of a file, and of each that is in it, unpacked."""
+_LARGEST = 1 << 27
+"""Bytes of a file, and of each that is in it, unpacked: a warp of 4K has 100 million."""
+_PACKED = 16  # times that real masks and warps are packed, at most
+_LARGEST_XML = 1 << 22
+_TOGETHER = 1 << 27
+"""Bytes that masks and warps of all projectors take, unpacked, unless the file itself is large."""
 _UNITS = {"mm": 1e-3, "cm": 1e-2, "dm": 0.1, "m": 1.0, "in": 0.0254, "ft": 0.3048, "yd": 0.9144}
 _FAR = 1e9  # m; no projector reaches so far
 _ANGLES = ("leftAngle", "rightAngle", "downAngle", "upAngle")
@@ -111,6 +115,7 @@ class _Package:
 
     def __init__(self, path: Path, content: bytes) -> None:
         self.path, self._content = path, content
+        self._left = max(_TOGETHER, _PACKED * len(content))
         self._zip: zipfile.ZipFile | None = None
         self._names: dict[str, str] = {}
         if content[:2] == b"PK":
@@ -123,17 +128,23 @@ class _Package:
     def damaged(self, got: str) -> InputError:
         return InputError(f"{self.path}: wanted a whole MPCDI file, got {got}. Export it again.")
 
-    def read(self, name: str) -> bytes:
+    def take(self, size: int) -> None:
+        """Count bytes that one of its files takes."""
+        self._left -= size
+        if self._left < 0:
+            raise self.damaged("masks and warps of more bytes than a file of its size holds")
+
+    def read(self, name: str, largest: int = _LARGEST) -> bytes:
         """What is in the package under that name."""
         key = name.replace("\\", "/").lower()
         if self._zip is None or key not in self._names:
             raise self.damaged(f"no {name} in it")
         info = self._zip.getinfo(self._names[key])
-        if info.file_size > _LARGEST:
+        if info.file_size > largest:
             raise self.damaged(f"{info.file_size} bytes of {name}")
         try:
             with self._zip.open(info) as inner:
-                return inner.read(_LARGEST)  # a header may say less than there is
+                return inner.read(largest)  # a header may say less than there is
         except Exception as error:  # zipfile raises whatever its parsing runs into
             raise self.damaged(f"{name} that does not unpack") from error
 
@@ -143,7 +154,9 @@ class _Package:
         if self._zip is not None:
             roots = [name for name in self._names if name.endswith(".xml")]
             best = "mpcdi.xml" if "mpcdi.xml" in roots else next(iter(roots), "mpcdi.xml")
-            content = self.read(best)
+            content = self.read(best, _LARGEST_XML)
+        if len(content) > _LARGEST_XML:
+            raise self.damaged(f"{len(content)} bytes of XML")
         if b"<!DOCTYPE" in content or b"<!ENTITY" in content:
             raise self.damaged("XML with a document type")
         try:
@@ -292,7 +305,9 @@ def _alpha(package: _Package, files: ET.Element, where: str) -> Floats | None:
     gamma = _number(package, node.findtext("gammaEmbedded") or "1", f"gammaEmbedded of {where}")
     if not 0.1 <= gamma <= 10:
         raise package.damaged(f"a gamma of {gamma:g} for {where}")
-    return np.asarray(grey_of(package.read(name), f"{package.path}: {name}") ** gamma)
+    codes = grey_of(package.read(name), f"{package.path}: {name}")
+    package.take(codes.nbytes)
+    return np.asarray(codes**gamma)
 
 
 def _points(package: _Package, files: ET.Element, turn: Floats, where: str) -> Floats | None:
@@ -303,7 +318,7 @@ def _points(package: _Package, files: ET.Element, turn: Floats, where: str) -> F
     unit = (node.findtext("geometricUnit") or "m").strip().lower()
     if unit not in _UNITS:
         raise package.damaged(f"lengths in '{unit[:20]}' for {where}")
-    return np.asarray(_pfm(package, name) @ turn.T * _UNITS[unit])
+    return np.asarray(_pfm(package, name) @ (turn.T * _UNITS[unit]))
 
 
 _PFM = re.compile(rb"PF\s+([0-9]{1,5})\s+([0-9]{1,5})\s+(-?[0-9.eE+-]{1,20})\s")
@@ -316,13 +331,13 @@ def _pfm(package: _Package, name: str) -> Floats:
     if head is None:
         raise package.damaged(f"{name}, which is no PFM of three channels")
     cols, rows = int(head[1]), int(head[2])
-    body = content[head.end() :]
-    if len(body) < rows * cols * 12 or not rows * cols:
+    if len(content) - head.end() < rows * cols * 12 or not rows * cols:
         raise package.damaged(f"{name} that ends early")
     order = "<" if head[3].startswith(b"-") else ">"
-    values = np.frombuffer(body, f"{order}f4", rows * cols * 3).reshape(rows, cols, 3)
+    values = np.frombuffer(content, f"{order}f4", rows * cols * 3, head.end())
     with np.errstate(invalid="ignore"):  # NaN of any kind: no light lands anywhere
-        places = values[::-1].astype(np.float64)
+        places = thinned(values.reshape(rows, cols, 3)[::-1]).astype(np.float64)
+    package.take(len(content))
     return np.where(np.abs(places) < _FAR, places, np.nan)
 
 

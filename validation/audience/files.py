@@ -29,6 +29,8 @@ ANSWERS = "answers"
 
 LARGEST = 1 << 20
 """Bytes of a viewer's answers, or of a sheet."""
+LARGEST_STUDY = 8 << 20
+"""Bytes of a study: those of 80,000 trials."""
 
 
 @final
@@ -161,7 +163,7 @@ def read_study(folder: Path) -> Study:
     """
     path = folder / STUDY
     try:
-        return Study.model_validate_json(read_plain(path))
+        return Study.model_validate_json(read_plain(path, LARGEST_STUDY))
     except OSError as error:
         raise InputError(
             f"{path}: wanted the study of this folder, got '{reason(error)}'; make one with "

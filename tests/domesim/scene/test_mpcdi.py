@@ -379,7 +379,7 @@ def test_damaged_files_are_refused_in_one_line(tmp_path: Path, count: int) -> No
 def test_a_zip_that_unpacks_to_more_than_memory_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("domesim.scene.mpcdi._LARGEST", 1 << 16)
+    monkeypatch.setattr("domesim.scene.mpcdi._LARGEST_XML", 1 << 16)
     path = tmp_path / "x.mpcdi"
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as made:
         made.writestr("mpcdi.xml", " " * (1 << 17))
