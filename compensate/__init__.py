@@ -1,6 +1,6 @@
 """What to project, so that what the audience sees is as close as can be to the master.
 
-The name below loads its module when it is first used: ``import compensate`` loads nothing.
+The names below load their module when they are first used: ``import compensate`` loads nothing.
 """
 
 from __future__ import annotations
@@ -8,9 +8,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from compensate.master import compensate
+    from compensate.master import compensate, predict
 
-__all__ = ["compensate"]
+__all__ = ["compensate", "predict"]
 
 if not TYPE_CHECKING:  # mypy would take any name for it
 
@@ -20,4 +20,4 @@ if not TYPE_CHECKING:  # mypy would take any name for it
 
         if name not in __all__:
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-        return import_module("compensate.master").compensate
+        return getattr(import_module("compensate.master"), name)

@@ -20,6 +20,8 @@ from compensate.figures import Appraisal, Figures, Glance
 from compensate.methods import Solver, require_method
 from compensate.own import own_problem
 from compensate.pose import Eye, Posed, Stage, require_within_range
+from compensate.prediction import Combination, Predicted, Prediction
+from compensate.prediction import predict as predicted_of
 from compensate.solve import solved
 from compensate.solver.fitting import fitting
 from compensate.solver.result import Result
@@ -27,7 +29,7 @@ from compensate.subtract import reflecting
 from compensate.weighting import PerceptualWeighting, Weighting
 from domesim.errors import InputError
 from domesim.frames import Master
-from domesim.light import Light, as_sent, on_host, require_light
+from domesim.light import Light, as_sent, on_host, require_finite, require_light
 from domesim.observation.base import AdjointObservation, Observation
 from domesim.scene.loading import AnyScene, as_scene
 from domesim.scene.screening import encoded
@@ -122,6 +124,53 @@ def compensate(
         return result
     on = posed.screen[None, :, :, None]
     return replace(result, light=np.where(on, result.light, desired))
+
+
+def predict(
+    desired: Light,
+    scene: AnyScene,
+    *,
+    projected: Light | None = None,
+    combination: Combination | str = Combination.WITH_VEILS,
+    threshold: float | None = None,
+) -> Predicted:
+    """Predicts where light pollution will be seen.
+
+    Parameters
+    ----------
+    desired
+        (view, row, col, primary) master light in 0..1.
+    scene
+        The theatre, or stereo system; or its name or file.
+    projected
+        What is projected, of the same axes; the master itself by default.
+    combination
+        A `compensate.prediction.Combination`, or its name, as "paper".
+    threshold
+        As of `compensate.prediction.Prediction`, which has more settings.
+
+    Returns
+    -------
+    predicted
+        Maps, and the mask of where it will be seen.
+
+    Raises
+    ------
+    InputError
+        As for `compensate`, and if a setting is impossible.
+    """
+    require_light(desired, who="predict")
+    require_finite(desired, who="predict")
+    posed = Stage(as_scene(scene)).pose(on_host(desired))
+    known = [each.value for each in Combination]
+    if combination not in (*known, *Combination):
+        raise InputError(f"predict takes {', '.join(known)} as combination, got {combination!r}")
+    settings = Prediction(threshold, Combination(combination))
+    if projected is None:
+        return predicted_of(posed, settings=settings)
+    require_light(projected, who="predict")
+    require_finite(projected, who="predict")
+    return predicted_of(posed, on_host(projected), settings)
 
 
 def _is_general(observation: Observation | None, eye: Eye | None, method: str) -> bool:

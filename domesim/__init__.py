@@ -8,12 +8,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from domesim.library import load_master, observe, save
+    from domesim.library import load_master, observe, render, save, tabulate
     from domesim.scene import load_scene
 
     __version__: str
 
-__all__ = ["__version__", "load_master", "load_scene", "observe", "save"]
+__all__ = ["__version__", "load_master", "load_scene", "observe", "render", "save", "tabulate"]
 
 if not TYPE_CHECKING:  # mypy would take any name for one of these
 

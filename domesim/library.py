@@ -15,8 +15,9 @@ from domesim.errors import InputError
 from domesim.frames import ColourTag, Frame, Master, read_master, write_master
 from domesim.frames.encodings import encoding_named
 from domesim.frames.views import made_for
-from domesim.light import Light, on_host, require_finite, require_light
-from domesim.scene import Scene
+from domesim.light import Light, as_sent, on_host, require_finite, require_light
+from domesim.observation.transport import Transport
+from domesim.scene import DomeScene, Scene
 from domesim.scene.loading import AnyScene, as_scene
 from domesim.scene.screening import decoded, encoded
 
@@ -80,6 +81,79 @@ def observe(light: Light, scene: AnyScene) -> Light:
     require_finite(light, who="observe")
     scene = as_scene(scene)
     return scene.observation(*light.shape[1:3]).observe(light)
+
+
+def render(light: Light, scene: AnyScene, *, error: float = 0.05, seed: int = 0) -> Light:
+    """What the audience of a dome sees of projected light, by path tracing: noisy, and unbiased.
+
+    Parameters
+    ----------
+    light
+        (1, row, col, primary), 1.0 = projector white.
+    scene
+        A dome theatre; or its name or file.
+    error
+        Standard error to reach: rms over pixels, relative to the mean reflected light.
+    seed
+        Seed of the random numbers.
+
+    Returns
+    -------
+    seen
+        The same axes, library and device.
+
+    Raises
+    ------
+    InputError
+        If it is no light of a dome, or a setting is impossible.
+    """
+    from domesim.pathtrace.observation import PathTracedDome  # noqa: PLC0415 - loads Mitsuba
+    from domesim.pathtrace.tracer import Settings  # noqa: PLC0415
+
+    require_light(light, who="render", primaries=3)
+    require_finite(light, who="render")
+    dome = _dome(scene, "render")
+    black = dome.ambient / dome.projector.white
+    rows, cols = light.shape[1:3]
+    how = Settings(error=error, seed=seed)
+    traced = PathTracedDome(dome.theatre, rows, cols, how, black=black)
+    return as_sent(traced.observe(on_host(light)), light)
+
+
+def tabulate(scene: AnyScene, *, error: float = 5e-4, seed: int = 0) -> Transport:
+    """Trace the light transport of a dome theatre, with all that is in it.
+
+    Parameters
+    ----------
+    scene
+        A dome theatre; or its name or file. ``scene.with_transport`` takes what is returned.
+    error
+        Standard error of white's reflected light to reach, relative.
+    seed
+        Seed of the random numbers.
+
+    Returns
+    -------
+    transport
+        `Transport.save` writes it, for ``--transport``.
+
+    Raises
+    ------
+    InputError
+        If it is no dome, or a setting is impossible.
+    """
+    from domesim.pathtrace.tabulate import tabulate as traced  # noqa: PLC0415 - loads Mitsuba
+
+    dome = _dome(scene, "tabulate")
+    about = {"scene": dome.name, "digest": dome.digest}
+    return traced(dome.theatre, error=error, seed=seed, provenance=about).transport
+
+
+def _dome(scene: AnyScene, who: str) -> DomeScene:
+    found = as_scene(scene)
+    if not isinstance(found, DomeScene) or found.views > 1:
+        raise InputError(f"{who} takes a dome theatre of one view, got {found.name}")
+    return found
 
 
 def save(light: Light, path: Files, scene: AnyScene, like: Master | None = None) -> float:

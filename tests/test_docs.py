@@ -17,6 +17,7 @@ import pytest
 from command_line import exit_code
 from documented import ROOT, play
 
+import domesim
 from compensate.live.constants import constants_of
 from domesim.commands import manual
 from domesim.errors import InputError
@@ -188,3 +189,8 @@ def test_a_wheel_has_all_that_it_needs(tmp_path):
         )
     assert (tmp_path / "empty/demo/compare.html").is_file()
     assert (tmp_path / "empty/validation/report.html").is_file()
+
+
+def test_the_citation_is_of_this_version():
+    text = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    assert f"\nversion: {domesim.__version__}\n" in text

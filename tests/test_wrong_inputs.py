@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pickle
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -11,11 +12,12 @@ import array_api_strict
 import numpy as np
 import pytest
 
+import compensate as top
 from compensate import compensate
 from compensate.pose import pose
-from compensate.prediction import predict
+from compensate.prediction import Combination, Prediction, predict
 from compensate.ruler import Ruler
-from domesim import load_master, load_scene, observe, save
+from domesim import load_master, load_scene, observe, render, save, tabulate
 from domesim.errors import InputError
 from domesim.light import Light
 from domesim.observation.transport import load_transport
@@ -48,6 +50,13 @@ FUNCTIONS: dict[str, Callable[[Light], object]] = {
     "compensate by subtraction": lambda light: compensate(light, SCENE, method="subtractive"),
     "observe": lambda light: observe(light, SCENE),
     "pose": lambda light: pose(light, load_scene(SCENE)),
+    "render": lambda light: render(light, SCENE),
+    "predict at the top": lambda light: top.predict(light, SCENE),
+    "predict of light": lambda light: (
+        top.predict(LIGHT, SCENE, projected=light)
+        if light is not None
+        else top.predict(light, SCENE)
+    ),
     "save": lambda light: save(light, Path("never.exr"), SCENE),
     "predict": lambda light: predict(pose(light, load_scene(SCENE))),
     "Ruler": lambda light: Ruler(light, load_scene(SCENE), np.ones((32, 32), bool)).lost(light),
@@ -93,6 +102,13 @@ def test_what_is_no_scene_is_refused(function, scene):
         lambda: compensate(LIGHT, SCENE, weighting="magic"),
         lambda: compensate(LIGHT, SCENE, method="raised-black-local"),
         lambda: load_master(3, SCENE),
+        lambda: predict(pose(LIGHT, load_scene(SCENE)), Prediction()),
+        lambda: top.predict(LIGHT, SCENE, combination="magic"),
+        lambda: top.predict(LIGHT, SCENE, threshold=2.0),
+        lambda: tabulate("stereo_shutter"),
+        lambda: tabulate(SCENE, error=-1.0),
+        lambda: render(LIGHT, SCENE, error=0.0),
+        lambda: render(LIGHT, "stereo_shutter"),
         lambda: load_master("none.exr", SCENE),
         lambda: load_transport("none.npz"),
         lambda: load_transport(Path(__file__)),
@@ -150,3 +166,19 @@ def test_a_scene_may_be_named_and_a_weighting_too():
     named = compensate(LIGHT, SCENE, weighting="aim").light
     np.testing.assert_array_equal(named, compensate(LIGHT, load_scene(SCENE)).light)
     np.testing.assert_array_equal(compensate(LIGHT, SCENE, method="none").light, LIGHT)
+
+
+def test_one_signature_for_all():
+    """Names or objects, settings by name; each gives what the modules' own function gives."""
+    scene = load_scene("dome_hemisphere")
+    paper = Prediction(combination=Combination.PAPER)
+    by_name = top.predict(LIGHT, "dome_hemisphere", combination="paper")
+    np.testing.assert_array_equal(
+        by_name.prediction, predict(pose(LIGHT, scene), settings=paper).prediction
+    )
+    seen, traced = (each(LIGHT, scene) for each in (observe, partial(render, error=0.02)))
+    np.testing.assert_allclose(
+        np.mean(traced[0, 4:28, 4:28]), np.mean(seen[0, 4:28, 4:28]), rtol=0.01
+    )
+    stored = scene.with_transport(tabulate(scene, error=0.01))
+    np.testing.assert_allclose(observe(LIGHT, stored), seen, atol=0.01)

@@ -34,7 +34,7 @@ from __future__ import annotations
 import importlib
 import sys
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from functools import cache, lru_cache
@@ -45,9 +45,11 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
-from domesim.light import Light, require_light
+from domesim.errors import InputError
+from domesim.light import Light, on_host, require_finite, require_light
 from domesim.observation.projector import conversion
 from domesim.scene import Scene
+from domesim.scene.loading import AnyScene, as_scene
 from validation import judges
 from validation.experiment import Missing
 
@@ -340,3 +342,40 @@ def _fovvideovdp() -> ModuleType:
 def _unwarned() -> AbstractContextManager[Any]:
     """Hides other packages' warnings, of which the reader of a figure can change nothing."""
     return warnings.catch_warnings(action="ignore")
+
+
+def judge(
+    wanted: Light, seen: Light, scene: AnyScene, *, by: Sequence[str] = ()
+) -> dict[str, float | None]:
+    """Asks the panel how a picture looks beside what is wanted.
+
+    Parameters
+    ----------
+    wanted, seen
+        (view, row, col, primary) of one shape, 1.0 = projector white.
+    scene
+        Where; or its name or file.
+    by
+        Names of judges; all of `PANEL` by default.
+
+    Returns
+    -------
+    said
+        Figure by the judge's name; None of one that is not installed.
+
+    Raises
+    ------
+    InputError
+        If there is no such judge, or the pictures are no light of one shape.
+    """
+    known = {each.name: each for each in PANEL}
+    if unknown := [name for name in by if name not in known]:
+        raise InputError(f"no judge is called {', '.join(unknown)}; use {', '.join(known)}")
+    require_light(wanted, who="judge")
+    for light in (wanted, seen):
+        require_light(light, tuple(wanted.shape), who="judge", primaries=3)
+        require_finite(light, who="judge")
+    place, first, second = as_scene(scene), on_host(wanted), on_host(seen)
+    return {
+        name: judges.if_installed(known[name].judge, first, second, place) for name in (by or known)
+    }

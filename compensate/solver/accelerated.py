@@ -54,7 +54,8 @@ class Accelerated:
     Parameters
     ----------
     tolerance
-        It stops when the largest KKT residual has fallen to this share of the start's.
+        It stops when the largest KKT residual has fallen to this share of the start's; or below the
+        last digit of the brightest light, where rounding is all that is left (`Status.STALLED`).
     max_iterations
         Steps after which it gives up.
     growth
@@ -106,6 +107,8 @@ class Accelerated:
             optimality = problem.kkt_residual(x, gradient)
             if optimality <= goal:
                 status = Status.CONVERGED
+            elif optimality <= _last_digit(x):
+                status = Status.STALLED
             if modulus is not None and iteration % _CHECKED == 0:
                 status, relative_gap = self._checked(problem, x, cost, gradient, modulus, status)
                 if self.progress is not None:
@@ -138,6 +141,12 @@ class Accelerated:
         """Curvature along a direction: the first L."""
         length = dot(direction, direction)
         return self.growth * problem.curvature(direction)[0] / length if length else 1.0
+
+
+def _last_digit(light: Light) -> float:
+    """What the brightest light is known to: a residual is the difference of two lights."""
+    xp = namespace(light)
+    return float(xp.finfo(light.dtype).eps * xp.max(xp.abs(light)))
 
 
 _ROUNDING = 1 + 1e-3  # of the curvature, in float32

@@ -37,7 +37,7 @@ window = LinearObservation((1, size, size, 3), hazy, adjoint=hazy)
 
 # The scene says where the screen is, how bright it is and how it is looked at.
 scene = load_scene("dome_imax")
-desired = np.full((1, size, size, 3), 0.02, np.float32)
+desired = np.full((1, size, size, 3), 0.02)  # in double precision, which the solver needs
 desired[:, size // 3 : size // 2, size // 3 : size // 2] = 0.8  # a lit square in the dark
 
 print(fitting(own_problem(desired, scene, window)).why)

@@ -85,12 +85,15 @@ def require_light(
     InputError
         If it is not a real floating array with four axes, or has another shape.
     """
-    sizes = tuple(getattr(light, "shape", ()))
+    if not hasattr(light, "shape"):
+        raise InputError(
+            f"{who} takes an array (view, row, col, primary), got a {type(light).__name__}"
+        )
+    sizes = tuple(light.shape)
     if shape is not None and sizes != shape:
         raise InputError(f"{who} takes (view, row, col, primary) = {shape}, got {sizes}")
     if len(sizes) != len(AXES):
-        got = f"shape {sizes}" if hasattr(light, "shape") else f"a {type(light).__name__}"
-        raise InputError(f"{who} takes axes (view, row, col, primary), got {got}")
+        raise InputError(f"{who} takes axes (view, row, col, primary), got shape {sizes}")
     if primaries not in (None, sizes[-1]):
         raise InputError(f"{who} takes light of {primaries} primaries, got {sizes[-1]}")
     xp = namespace(light)

@@ -30,13 +30,14 @@ from domesim.room.theatre import Lens, Theatre
 from domesim.room.viewing import of_flat_screen
 from domesim.scene import load_scene
 from domesim.stereo.system import CircularFilter, PolarisedProjector, SilverScreen
+from validation import judge
 from validation.experiment import Missing
 
 API = Path(__file__).parents[2] / "docs" / "api.md"
 ARRAYS = re.compile(r"Light|Floats|Planes|NDArray|ArrayLike|Mask|\bArray\b")
 
 CHECKED_ELSEWHERE = {
-    "tests/test_wrong_inputs.py": "observe save compensate pose predict",
+    "tests/test_wrong_inputs.py": "observe render save compensate pose predict",
     "tests of files": "encoded as_codes",
     "guards themselves": "require_light require_finite require_mask require_linear "
     "require_within_range require_pictures",
@@ -281,6 +282,19 @@ def test_a_guard_tells_who_wanted_what():
     with pytest.raises(InputError, match=r"has no number for first = float64 .2,. with 1 not"):
         share(np.array([np.nan, 1]), 2.0)
     assert share(np.ones(2), 2) == 0.5
+
+
+def test_the_panel_is_asked_at_the_top():
+    said = judge(LIGHT, 0.9 * LIGHT, "dome_hemisphere", by=["Delta E ITP", "PU21-PSNR"])
+    assert list(said) == ["Delta E ITP", "PU21-PSNR"]
+    assert all(value > 0 for value in said.values())
+    with pytest.raises(InputError, match="no judge is called Moon"):
+        judge(LIGHT, LIGHT, SCENE, by=["Moon"])
+    for what, wrong in wrongs(LIGHT).items():
+        if what != "negative":
+            for pictures in ((LIGHT, wrong), (wrong, LIGHT)):
+                with pytest.raises(InputError):
+                    judge(*pictures, SCENE, by=["Delta E ITP"])
 
 
 def test_problems_refuse_wrong_light():
