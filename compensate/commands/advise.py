@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from compensate.ruler import agreeing
 from domesim.commands.options import Json, Overwrite, Quiet
 from domesim.errors import InputError
 
@@ -67,7 +68,7 @@ def advise(
 ) -> None:
     """Tell which paint, holes, light or crosstalk would show a film better, and at what price."""
     from compensate.design import advise as advised  # noqa: PLC0415 - other commands load this
-    from compensate.design import figures, knobs, theatre  # noqa: PLC0415
+    from compensate.design import figures, knobs, left_out  # noqa: PLC0415
     from domesim.host.console import Console  # noqa: PLC0415
     from domesim.host.writing import prepare, write_whole  # noqa: PLC0415
     from domesim.scene.loading import load_scene, scene_content  # noqa: PLC0415
@@ -81,9 +82,8 @@ def advise(
             raise InputError(f"--out {out}: the plot is an .svg, name it so")
         prepare(out, inputs=[scene, *masters], overwrite=overwrite)
     content, frames = scene_content(scene), _frames(masters, packing)
-    approximation = theatre(content, trace=trace).approximation if not trace else None
-    if approximation is not None:
-        console.say(f"{scene}: {approximation.partition('. For')[0]}. --trace knows the room")
+    if unknown := left_out(content, trace=trace):
+        console.say(f"{scene}: without {', '.join(unknown)}, which --trace knows")
     count = 1 + sum(len(each.values) for each in knobs(content, trace=trace))
     with console.progress("turning knobs", count) as start:
         advice = advised(content, frames, quality, trace=trace, names=knob, progress=start)
@@ -136,7 +136,8 @@ def _said(advice: Advice, quality: float | None) -> str:
         return f"{knob.name}: as it is ({now.lost:.2f} JOD)"
     return (
         f"{knob.name}: {found.value:.3g} {knob.unit} instead of {now.value:.3g}, {found.lost:.2f} "
-        f"JOD instead of {now.lost:.2f}; white {found.white / now.white:.0%} of today's"
+        f"JOD instead of {now.lost:.2f} ({agreeing(found.lost, now.lost)}); white "
+        f"{found.white / now.white:.0%} of today's"
     )
 
 

@@ -251,6 +251,8 @@ class Compensating(Recipe):
             lost = f"{lost}, {plain:.2f} subtracted"
             verdict = f"{compared(after, plain)} subtraction"
             needs = int(verdict.startswith("worse"))
+        if abs(after - before) >= NO_DIFFERENCE:
+            lost = f"{lost}; of shown and untouched, {agreeing(after, before)}"
         return Judged(verdict, lost, needs)
 
     def over_time(

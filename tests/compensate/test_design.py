@@ -10,7 +10,7 @@ from command_line import Run
 from stored_masters import store
 
 from compensate import design
-from compensate.design import CLOSE, Knob, advise, knobs, outcome, theatre
+from compensate.design import CLOSE, Knob, advise, knobs, left_out, outcome, theatre
 from compensate.plain import PlainRuler
 from compensate.pose import Stage
 from compensate.solve import solved
@@ -119,7 +119,13 @@ def test_furniture_is_known_to_a_traced_room_alone(monkeypatch: pytest.MonkeyPat
     closed, traced = (theatre(room, trace=trace) for trace in (False, True))
     assert isinstance(closed, DomeScene)
     assert isinstance(traced, DomeScene)
-    assert closed.transport is None
+    empty = theatre({**room, "boxes": []}, trace=False)
+    assert isinstance(empty, DomeScene)
+    assert closed.transport is not None
+    assert empty.transport is not None
+    assert np.array_equal(closed.transport.core, empty.transport.core)
+    assert left_out(room, trace=False) == ("solids (console)",)
+    assert left_out(room, trace=True) == ()
     assert traced.transport is not None
     assert traced.transport.provenance["walks"] > 0
 

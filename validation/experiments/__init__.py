@@ -15,6 +15,7 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
     "Worth: what the default gains": (
         "quality",
         "people",
+        "advice",
         "two_eyes",
         "wrong_model",
         "flicker",

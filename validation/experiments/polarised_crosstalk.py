@@ -221,10 +221,15 @@ def _checks(seats: tuple[Seat, ...], ends: Mapping[str, float], hand: float) -> 
     yield between("sweet spot, middle of the screen", 100 * seats[0].middle()[0], 1.05, 1.15, "%")
     gaps = [b.interval()[0] - a.interval()[1] for a, b in pairwise(seats)]
     yield at_least("least gap between neighbours' 95 % intervals", 100 * min(gaps), 0, "%")
-    yield at_least(
-        "crosstalk of the last seat over that of the sweet spot",
+    rise, expected = (
         seats[-1].middle()[0] / seats[0].middle()[0],
-        1.2,
+        seats[-1].by_hand / seats[0].by_hand,
+    )
+    yield between(
+        "crosstalk of the last seat over that of the sweet spot",
+        rise,
+        0.98 * expected,
+        1.02 * expected,
     )
     yield at_most("the line by hand, largest relative difference", hand, 0.02)
     yield at_most("without depolarisation and leaks, largest crosstalk", ends["none"], 1e-6)
