@@ -23,6 +23,7 @@ from domesim.host.console import Console, about
 from domesim.host.numbers import decimal, percent
 from domesim.host.writing import prepare
 from domesim.inspection.coverage import require_covered
+from domesim.inspection.magnitudes import SOURCES, Faintest, sky_brightness, video_star
 from domesim.observation.stereo import VIEWS
 from domesim.scene import CinemaScene, DomeScene, StereoScene, load_dome, load_scene
 from domesim.scene.crosstalk_maps import CrosstalkMaps
@@ -620,16 +621,31 @@ def _write(
         for name, layer in layers.items()
         if name in ("", "direct", "indirect", "ambient")
     }
+    sky = _sky(scene, layers[""] @ scene.projector.luminance_weights, share > 0)
     console.say(
         f"mean luminance over the {over}, cd/m²: "
         + ", ".join(f"{name} {decimal(value)}" for name, value in seen.items()),
         f"standard error {percent(facts['relative_error'])} of the mean after {facts['samples']} "
         f"paths a pixel, {decimal(facts['cpu_s'], 2)} CPU-s. {facts['status']}",
+        f"darker half: {sky['mag_arcsec2']:.1f} mag/arcsec²; faintest star, a point: "
+        f"{Faintest(**sky['faintest_star']).told} mag ({SOURCES})",
         f"  -> {out}",
         f"  -> {preview}",
     )
     paths = {"scene": scene.name, "output": str(out), "preview": str(preview)}
-    return {**paths, "mean_cd_m2": seen, **facts}
+    return {**paths, "mean_cd_m2": seen, "darker_half": sky, **facts}
+
+
+def _sky(scene: DomeScene, luminance: NDArray[Any], on: NDArray[np.bool_]) -> dict[str, Any]:
+    """How dark the darker half of a picture is, and the faintest star in it."""
+    shown = luminance[on]
+    black = float(np.mean(shown[shown <= np.median(shown)]))
+    faintest = video_star(scene, max(black, 0.0), 0.0)
+    return {
+        "cd_m2": black,
+        "mag_arcsec2": sky_brightness(black),
+        "faintest_star": faintest._asdict(),
+    }
 
 
 def _display(scene: DomeScene, picture: NDArray[Any]) -> NDArray[Any]:

@@ -23,6 +23,7 @@ from image_files import store
 from numpy.typing import NDArray
 
 from domesim.frames import read_frame
+from domesim.inspection.magnitudes import faintest_star
 from domesim.observation import radiosity as radiosity_module
 from domesim.observation.transport import load_transport
 from domesim.pathtrace import tabulate as tabulate_module
@@ -182,6 +183,17 @@ def test_indirect_light_of_a_white_master_is_the_closed_form(
     assert figures["mean_cd_m2"]["direct"] == pytest.approx(WHITE, rel=1e-6)
 
 
+def test_the_darker_half_has_its_faintest_star(white: tuple[Layers, dict[str, Any]]) -> None:
+    found, figures = white
+    screen = load_scene("dome_hemisphere").dome.inside(SIZE, SIZE)
+    seen = found[""][screen, 0]  # grey
+    black = seen[seen <= np.median(seen)].mean()
+    sky = figures["darker_half"]
+    assert sky["cd_m2"] == pytest.approx(black, rel=1e-3)
+    assert sky["mag_arcsec2"] == pytest.approx(12.58 - 2.5 * np.log10(sky["cd_m2"]))
+    assert sky["faintest_star"] == faintest_star(sky["cd_m2"], 0.0)._asdict()
+
+
 def test_the_error_is_as_asked_for(white: tuple[Layers, dict[str, Any]]) -> None:
     found, figures = white
     screen = load_scene("dome_hemisphere").dome.inside(SIZE, SIZE)
@@ -222,6 +234,7 @@ def test_a_preview_lies_beside_it(folder: Path) -> None:
     assert sorted(path.name for path in out.parent.glob("[!.]*")) == ["seen.exr", "seen.png"]
     for path in (out, out.with_suffix(".png")):
         assert f"  -> {path}" in outcome.out.splitlines()
+    assert "mag/arcsec²; faintest star, a point: " in outcome.out
     preview = read_frame(out.with_suffix(".png"))
     assert (preview.pixels.shape, preview.bits) == ((SIZE, SIZE, 3), 8)
     screen = load_scene("dome_hemisphere").dome.inside(SIZE, SIZE)
