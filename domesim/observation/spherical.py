@@ -107,6 +107,10 @@ class ClosedFormDome(LowRankObservation):
         How many primaries the light has.
     kept
         See `closed_form_gain`.
+    paint
+        (row, col) what multiplies the albedo, above 0 and at most 1; 1 everywhere if absent. What
+        is seen is times it, and so is what pixels send: rho A_s becomes the sum of albedos times
+        areas. Light is in units of white on paint of 1, and `lens_gain` has the factor, too.
 
     Raises
     ------
@@ -125,6 +129,7 @@ class ClosedFormDome(LowRankObservation):
         ambient: ArrayLike = 0.0,
         primaries: int = 3,
         kept: float = 1.0,
+        paint: NDArray[np.floating] | None = None,
     ) -> None:
         albedos = np.broadcast_to(np.asarray(albedo, np.float64), (primaries,))
         areas = dome.kept_areas(rows, cols)
@@ -137,22 +142,27 @@ class ClosedFormDome(LowRankObservation):
         else:
             gain = np.where(screen, lens_gain, 1.0)
             collect = areas * gain
-        gains = [
-            closed_form_gain(float(rho), dome.radius, dome.screen_area, kept) for rho in albedos
-        ]
+        spread, reflecting = screen.astype(np.float32), dome.screen_area
+        if paint is not None:
+            spread = spread * paint.astype(np.float32)
+            reflecting *= float(np.sum(areas * paint) / np.sum(areas))
+        gains = [closed_form_gain(float(rho), dome.radius, reflecting, kept) for rho in albedos]
         offset = np.broadcast_to(np.asarray(ambient, np.float64), (primaries,))
         # Rank one: the screen, the gain, the pixels' areas times the direct gain
         factors = LowRank(
             direct_gain=gain,
-            spread=screen[None].astype(np.float32),
+            spread=spread[None],
             core=np.asarray(gains).reshape(-1, 1, 1),
             collect=collect[None].astype(areas.dtype, copy=False),
             ambient=_on(screen, offset.astype(areas.dtype)),
         )
         super().__init__(factors, screen)
+        self._painted = paint is not None
 
     def screen_like(self, light: Light) -> Array:
-        """See `LowRankObservation`: U's only mode."""
+        """See `LowRankObservation`: U's only mode, on even paint."""
+        if self._painted:
+            return super().screen_like(light)
         return self.factors_like(light).spread[0, :, :]
 
 

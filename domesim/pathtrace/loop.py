@@ -319,7 +319,7 @@ def scattered(
     """Where walks go on from `here`: direction, weight, and the surface that they leave."""
     m = room.machine
     direction = cosine_direction(m, here.normal, rng)
-    result, leaving = _albedo_times(room, here.surface, weight), here.surface
+    result, leaving = _albedo_times(room, here, weight), here.surface
     if scatter is not None:
         on_screen = here.surface == SCREEN
         glossy, share = scatter.sample(here.normal, to_eye, rng, active & on_screen)
@@ -335,11 +335,17 @@ def scattered(
     return direction, result, leaving
 
 
-def _albedo_times(room: Room, surface: Lanes, weight: Colour) -> Colour:
-    m, albedos = room.machine, room.albedos
-    result = []
+def _albedo_times(room: Room, here: Hit, weight: Colour) -> Colour:
+    m, albedos, surface = room.machine, room.albedos, here.surface
+    paint, result = room.theatre.paint, []
+    factor: Any = 1.0
+    if paint is not None:
+        size = len(paint.factors)
+        _, factor = m.colour_at(
+            room.painted, pixel_of(room, here.position, size), surface == SCREEN
+        )
     for p in range(3):
-        rho: Any = albedos[SCREEN][p]
+        rho: Any = albedos[SCREEN][p] * factor
         for kind in (FLOOR, WALL, BACK, SHELL):
             if kind in albedos:
                 rho = m.where(surface == kind, albedos[kind][p], rho)
@@ -347,6 +353,17 @@ def _albedo_times(room: Room, surface: Lanes, weight: Colour) -> Colour:
             rho = m.where(surface == SOLID + k, solid.albedo[p], rho)
         result.append(weight[p] * rho)
     return result[0], result[1], result[2]
+
+
+def pixel_of(room: Room, position: Vector, size: int) -> Lanes:
+    """Index (row-major) of the domemaster pixel that a point of the room lies behind."""
+    m = room.machine
+    u, v = room.disc(position)
+
+    def number(place: Lanes) -> Lanes:
+        return m.index(m.maximum(m.minimum((place + 1) * (size / 2), size - 0.5), 0.0))
+
+    return number(v) * size + number(u)
 
 
 def roulette(

@@ -173,7 +173,11 @@ class DrJit:
         """A theatre as rays meet it, solids and all."""
         solids = theatre.solids
         mesh = _Solids(self, solids, theatre.dome.radius) if solids else None
-        return Room(theatre, self, mesh)
+        room = Room(theatre, self, mesh)
+        if theatre.paint is not None:
+            factors = theatre.paint.factors.ravel()
+            room.painted = self.colours(np.stack([factors] * 4, axis=-1))
+        return room
 
 
 @final

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from domesim.errors import InputError
-from domesim.pathtrace.loop import Aim, Colour, Scatter, Source, difference
+from domesim.pathtrace.loop import Aim, Colour, Scatter, Source, difference, pixel_of
 from domesim.pathtrace.machine import DrJit
 from domesim.room.rays import (
     BACK,
@@ -442,17 +442,6 @@ def lobe_bsdf(lobe: Lobe, albedo: Sequence[float] = (1.0, 1.0, 1.0)) -> dict[str
             "specular_reflectance": {"type": "rgb", "value": list(albedo)},
         },
     }
-
-
-def pixel_of(room: Room, position: Vector, size: int) -> Lanes:
-    """Index (row-major) of the domemaster pixel that a point of the room lies behind."""
-    m = room.machine
-    u, v = room.disc(position)
-
-    def number(place: Lanes) -> Lanes:
-        return m.index(m.maximum(m.minimum((place + 1) * (size / 2), size - 0.5), 0.0))
-
-    return number(v) * size + number(u)
 
 
 def _towards(m: DrJit, position: Vector, place: tuple[float, float, float]) -> Vector:

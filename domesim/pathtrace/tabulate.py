@@ -144,6 +144,11 @@ def tabulate(
         raise InputError(f"wanted error must be above 0, got {error:g}")
     if not most >= 1:
         raise InputError(f"most walks must be at least 1, got {most:g}")
+    if theatre.paint is not None:
+        raise InputError(
+            "tabulate knows screens of even paint, got an albedo_map; leave it out, or use "
+            "'domesim render', which traces it"
+        )
     started = time.process_time()
     tracer = Tracer(theatre) if tracer is None else tracer
     explicit = theatre.floor_meets_screen if explicit is None else explicit

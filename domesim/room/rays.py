@@ -125,6 +125,7 @@ class Room:
         if theatre.perforation > 0 and theatre.cavity is not None:
             self._shell = 1 + theatre.cavity.depth / self._unit
         self._mesh = mesh
+        self.painted: Any = None  # a machine's table of the paint's factors
         self.shadows = self._mesh is not None or theatre.hides_screen
 
     @property

@@ -172,6 +172,28 @@ class Mask:
 
 
 @final
+@dataclass(frozen=True, eq=False)
+class Paint(ByValue):
+    """Paint of unequal albedo: what multiplies the screen's, place by place.
+
+    Parameters
+    ----------
+    factors
+        (row, col) of a domemaster, above 0 and at most 1; the same for all primaries.
+    """
+
+    factors: NDArray[np.float64]
+
+    def on(self, rows: int, cols: int) -> NDArray[np.float64]:
+        """Factors of a domemaster's pixels, (row, col), each that of its middle."""
+        places = [
+            ((np.arange(count) + 0.5) * of / count).astype(np.intp)
+            for count, of in zip((rows, cols), self.factors.shape, strict=True)
+        ]
+        return self.factors[np.ix_(*places)]
+
+
+@final
 @dataclass(frozen=True)
 class Lens:
     """One projector of the theatre.
@@ -262,6 +284,8 @@ class Theatre(ByValue):
         Whether the projection system evens out falloff and blending, as most do.
     viewpoints
         Named places to look from.
+    paint
+        What multiplies the screen's albedo; the same everywhere without it.
     """
 
     dome: Dome
@@ -276,6 +300,7 @@ class Theatre(ByValue):
     lenses: tuple[Lens, ...] = ()
     corrected: bool = True
     viewpoints: Mapping[str, Viewpoint] = field(default_factory=dict)
+    paint: Paint | None = None
 
     @property
     def screen_albedo(self) -> Albedo:
@@ -325,7 +350,7 @@ class Theatre(ByValue):
     @property
     def enclosure(self) -> Theatre:
         """The theatre with nothing but a Lambertian screen, floor and wall."""
-        return replace(self, lobe=None, cavity=None, solids=(), lamps=(), viewpoints={})
+        return replace(self, lobe=None, cavity=None, solids=(), lamps=(), viewpoints={}, paint=None)
 
     @property
     def beyond_enclosure(self) -> tuple[str, ...]:
@@ -335,6 +360,8 @@ class Theatre(ByValue):
             beyond.append("a screen with a gain lobe")
         if self.cavity is not None and self.perforation > 0:
             beyond.append("a cavity behind the screen")
+        if self.paint is not None:
+            beyond.append("a screen painted unevenly")
         if self.solids:
             beyond.append(f"solids ({_names(self.solids)})")
         if self.lamps:

@@ -35,6 +35,7 @@ from domesim.room.theatre import (
     Lamp,
     Lens,
     Lobe,
+    Paint,
     Solid,
     Theatre,
     Viewpoint,
@@ -186,17 +187,22 @@ class DomeScene(Scene):
         InputError
             If it is not square, or smaller than 2 x 2.
         """
-        gains = None
-        if self.theatre.lenses or not self.theatre.lambertian:
-            gains = lens_gains(self.theatre, rows, cols)
+        gains, paint = None, self.theatre.paint
+        if self.known is not None:  # which knows no paint
+            theatre, paint = replace(self.theatre, paint=None), None
+        else:
+            theatre = self.theatre
+        if theatre.lenses or not theatre.lambertian or paint is not None:
+            gains = lens_gains(theatre, rows, cols)
         gain = None if gains is None else gains.sum(0)
         black = self.ambient / self.projector.white
         if self.known is not None:
-            seen = None if gains is None else seen_gain(self.theatre, gains)
+            seen = None if gains is None else seen_gain(theatre, gains)
             return self.known.observation(rows, cols, lens_gain=gain, seen_gain=seen, ambient=black)
         return ClosedFormDome(
-            self.dome, rows, cols, albedo=self.albedo, lens_gain=gain, ambient=black
-        )
+            self.dome, rows, cols, albedo=self.albedo, lens_gain=gain, ambient=black,
+            paint=None if paint is None else paint.on(rows, cols),
+        )  # fmt: skip
 
     def solvable(self, rows: int, cols: int) -> AdjointObservation:
         """See `Scene`; of a stored transport, the strong modes."""
@@ -242,8 +248,9 @@ class DomeScene(Scene):
         if kept == 0:
             return LowRankObservation(replace(factors, core=0 * factors.core), screen)
         return ClosedFormDome(
-            self.dome, *screen.shape, albedo=self.albedo, lens_gain=factors.direct_gain, kept=kept
-        )
+            self.dome, *screen.shape, albedo=self.albedo, lens_gain=factors.direct_gain, kept=kept,
+            paint=None if self.theatre.paint is None else self.theatre.paint.on(*screen.shape),
+        )  # fmt: skip
 
     def uncertain(self, rows: int, cols: int) -> UncertainDome | None:
         """See `Scene`; None of a 3D dome, of which only one view was measured.
@@ -460,18 +467,21 @@ def _mean_gain(theatre: Theatre, size: int = 128) -> float:
         return 1.0
     areas = theatre.dome.screen_areas(size, size)
     # A file with holes loads, so that they can be shown (`domesim.inspection.coverage`)
-    gains = lens_gains(theatre, size, size, holes=True)
+    gains = lens_gains(replace(theatre, paint=None), size, size, holes=True)
     return float(np.sum(areas * gains.sum(0)) / areas.sum())
 
 
 def _with_files(file: DomeFile, theatre: Theatre) -> str:
     """The file's digest, with what is in the files that it names."""
+    paint = theatre.paint
     masks = [lens.mask for lens in theatre.lenses if lens.mask is not None]
-    if not (file.meshes or masks):
+    if not (file.meshes or masks or paint is not None):
         return file.digest
     digest = hashlib.sha256(file.digest.encode())
     for solid in theatre.solids if file.meshes else ():
         digest.update(solid.vertices.tobytes() + solid.faces.tobytes())
+    if paint is not None:
+        digest.update(paint.factors.tobytes())
     for mask in masks:
         digest.update(np.ascontiguousarray(mask.weights).tobytes())
     return digest.hexdigest()
@@ -497,7 +507,22 @@ def _theatre(file: DomeFile, folder: Path, mistakes: Mistakes) -> Theatre:
         lenses=_lenses(file.projector, dome, folder, mistakes),
         corrected=file.projector.lens.corrected,
         viewpoints=viewpoints,
+        paint=_paint(screen.albedo_map, folder, mistakes),
     )
+
+
+def _paint(name: str | None, folder: Path, mistakes: Mistakes) -> Paint | None:
+    if name is None:
+        return None
+    with mistakes.noted():
+        factors = read_mask(folder / name).weights
+        if factors.shape[0] != factors.shape[1] or not factors.min() > 0:
+            raise InputError(
+                f"screen.albedo_map {name}: wanted a square domemaster above black, got "
+                f"{factors.shape[1]} x {factors.shape[0]} px from {factors.min():g}"
+            )
+        return Paint(factors)
+    return None
 
 
 def _floor_and_wall(file: DomeFile, dome: Dome) -> tuple[Floor | None, Wall | None]:

@@ -96,9 +96,14 @@ class CavitySection(Section):
 
 
 class ScreenSection(Section):
-    """What the screen is made of."""
+    """What the screen is made of.
+
+    `albedo_map` is a PNG of grey, beside the scene's file: a domemaster of what multiplies the
+    albedo from place to place. White is as it is seen where that is 1.
+    """
 
     albedo: PerPrimary
+    albedo_map: str | None = None
     perforation: Annotated[Number, Field(ge=0, lt=1)] = 0.0
     lobe: LobeSection | None = None
     cavity: CavitySection | None = None
@@ -465,6 +470,8 @@ class DomeFile(Section):
         parts |= {"stereo", "sky"}  # what one view's light does is stored
         content = self.model_dump(mode="json", exclude=parts, warnings=False)
         content["projector"].pop("black_cd_m2")
+        if content["screen"]["albedo_map"] is None:
+            content["screen"].pop("albedo_map")
         for unit in content["projector"]["units"]:
             for key, usual in (("shift", [0.0, 0.0]), ("mask", None)):
                 if unit[key] == usual:
