@@ -8,6 +8,8 @@ Inputs are those of the reporting half (`validation.inputs`), on which no settin
 
 from __future__ import annotations
 
+import csv
+import io
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache, partial
@@ -26,6 +28,18 @@ Method: TypeAlias = Callable[[Light, Scene], Light]
 """A master in 0..1, (view, row, col, primary), and where -> the light to project, 0..1."""
 
 
+HEADINGS = (
+    "kind",
+    "method",
+    "by",
+    "cases",
+    "laws broken",
+    *(judge.name for judge in panel.PANEL),
+    "mean rank",
+)
+"""Of ``validation/leaderboard.csv``."""
+
+
 @final
 @dataclass(frozen=True)
 class Entered:
@@ -33,12 +47,15 @@ class Entered:
 
     Parameters
     ----------
+    name
+        What it is called.
     tables
         By kind of input: laws broken, each judge's mean, the mean rank.
     left_out
         Inputs and judges that are missing.
     """
 
+    name: str
     tables: tuple[Table, ...]
     left_out: tuple[str, ...]
 
@@ -50,6 +67,26 @@ class Entered:
             lines += [table.caption, ""]
             lines += [f"| {' | '.join(row)} |" for row in [*rows, *table.written()]] + [""]
         return "\n".join([*lines, *self.left_out])
+
+    def entry(self, by: str) -> str:
+        """Lines of ``validation/leaderboard.csv``, one a kind of input.
+
+        Parameters
+        ----------
+        by
+            Who entered it, and where its code is.
+        """
+        memory = io.StringIO()
+        rows = csv.DictWriter(memory, HEADINGS, lineterminator="\n")
+        for table in self.tables:
+            names = [
+                column.name.removesuffix(" (+)").removesuffix(" (-)") for column in table.columns
+            ]
+            (found,) = (row for row in table.rows if row[0] == self.name)
+            kind = table.caption.split()[1].rstrip(":")
+            told = dict(zip(names[1:], found[1:], strict=True))
+            rows.writerow({"kind": kind, "method": self.name, "by": by, **told})
+        return memory.getvalue().rstrip("\n")
 
 
 def enter(
@@ -100,7 +137,7 @@ def enter(
         for kind in inputs.kinds(wanted)
         if (some := verdict.of_kind(cells, wanted, kind))
     )
-    return Entered(tuple(tables), (*left_out, *(f"{judge}: not judged" for judge in missing)))
+    return Entered(name, tuple(tables), (*left_out, *(f"{judge}: not judged" for judge in missing)))
 
 
 def _heard(judge: panel.Judge, ways: dict[str, Cell]) -> bool:

@@ -7,6 +7,7 @@ readme``. A figure that is older than its code is refused: ``make full`` renews 
 
 from __future__ import annotations
 
+import csv
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -19,8 +20,12 @@ from validation.origin import ROOT
 from validation.results import PUBLISHED, Results, merged, old
 
 TEMPLATES = ROOT / "validation" / "templates"
-PAGES = ("README.md", "docs/evidence.md", "docs/limits.md")
+PAGES = ("README.md", "docs/evidence.md", "docs/leaderboard.md", "docs/limits.md")
 """From the repository's root; a template is named as its page is."""
+
+
+ENTRIES = ROOT / "validation" / "leaderboard.csv"
+"""Methods of others, as `validation.entry.Entered.entry` writes them."""
 
 
 def written(page: str, results: Results) -> str:
@@ -69,7 +74,9 @@ def _rendered(page: str, figure: Callable[[str, str], str], results: Results) ->
     environment.filters["machine"] = lambda name: _machine(results, name)
     template = TEMPLATES / f"{Path(page).name}.j2"
     text = template.read_text(encoding="utf-8")
-    return environment.from_string(text).render(experiments=results.experiments)
+    with ENTRIES.open(encoding="utf-8", newline="") as file:
+        entries = list(csv.DictReader(file))
+    return environment.from_string(text).render(experiments=results.experiments, entries=entries)
 
 
 def _machine(results: Results, experiment: str) -> str:

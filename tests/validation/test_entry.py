@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import csv
+
 import numpy as np
 import pytest
 
 from compensate import compensate
-from validation.entry import enter
+from validation import readme
+from validation.entry import HEADINGS, enter
 from validation.experiments.quality.measuring import DEFAULT, SUBTRACTION
+from validation.readme import ENTRIES
+from validation.results import PUBLISHED, Results
 
 
 def gamma_on_subtraction(master, scene):
@@ -42,3 +47,25 @@ def test_the_projects_own_method_has_the_projects_figures():
     for each in found.tables:
         rows = {row[0]: row[1:] for row in each.rows}
         assert rows["ours"] == rows[DEFAULT]
+
+
+def test_an_entry_is_lines_of_the_leaderboard(entered):
+    lines = list(csv.DictReader([",".join(HEADINGS), *entered.entry("me, here").splitlines()]))
+    assert [line["kind"] for line in lines] == ["pairs", "domemasters"]
+    for line in lines:
+        assert (line["method"], line["by"]) == ("gamma", "me, here")
+        assert int(line["cases"]) > 0
+        assert not line["ColorVideoVDP"]  # of a quick run there are none
+    head = ENTRIES.read_text(encoding="utf-8").splitlines()[0]
+    assert head == ",".join(HEADINGS)
+
+
+def test_the_leaderboard_shows_methods_of_others(tmp_path, monkeypatch):
+    others = tmp_path / "leaderboard.csv"
+    told = dict.fromkeys(HEADINGS, "") | {"kind": "domemasters", "method": "moon", "by": "her"}
+    told["ColorVideoVDP"] = "9.1234"
+    others.write_text(f"{','.join(HEADINGS)}\n{','.join(told.values())}\n")
+    monkeypatch.setattr(readme, "ENTRIES", others)
+    page = readme.written("docs/leaderboard.md", Results.read(PUBLISHED))
+    assert "\n| moon | her | 9.12 | – |" in page
+    assert "\n| nothing done | this project | 9" in page
