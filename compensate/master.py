@@ -29,7 +29,7 @@ from compensate.subtract import reflecting
 from compensate.weighting import PerceptualWeighting, Weighting
 from domesim.errors import InputError
 from domesim.frames import Master
-from domesim.light import Light, as_sent, on_host, require_finite, require_light
+from domesim.light import Light, LightArray, as_sent, on_host, require_finite, require_light
 from domesim.observation.base import AdjointObservation, Observation
 from domesim.scene.loading import AnyScene, as_scene
 from domesim.scene.screening import encoded
@@ -50,13 +50,13 @@ class Outcome:
 
 
 def compensate(
-    desired: Light,
+    desired: LightArray,
     scene: AnyScene,
     *,
     method: str = "perceptual",
     solver: Solver | None = None,
     weighting: Eye | Weighting | Literal["aim", "paper"] | None = None,
-    observation: AdjointObservation | None = None,
+    observation: Observation | None = None,
 ) -> Result:
     """Finds the light to project so that the audience sees as nearly as possible what is desired.
 
@@ -76,9 +76,10 @@ def compensate(
         weighting of one's own, such as `compensate.own.LinearWeighting`.
     observation
         What is seen, if not by the scene's own: such as
-        `domesim.observation.linear.LinearObservation`. Of a `LowRankObservation` the default is the
-        aim, as of a scene's own; of others the paper's weighting, by a solver of
-        `compensate.solver.fitting`, unless `weighting` is an `Aim`.
+        `domesim.observation.linear.LinearObservation`. What its class offers decides. The aim needs
+        no more than ``observe`` and ``direct``: it is the default of a `LowRankObservation`, as of
+        a scene's own, and of what has no adjoint. Of others the default is the paper's
+        weighting, by a solver of `compensate.solver.fitting`; ``weighting="aim"`` fits them, too.
 
     Returns
     -------
@@ -106,6 +107,11 @@ def compensate(
             observation=observation,
         )  # fmt: skip
         return replace(result, light=as_sent(result.light, desired))
+    if observation is not None and not isinstance(observation, Observation):
+        raise InputError(
+            f"compensate takes an Observation, got a {type(observation).__name__}; make one of "
+            f"functions by domesim.observation.linear.LinearObservation"
+        )
     if isinstance(weighting, Weighting) or _is_general(observation, weighting, method):
         screen = scene.screen(*desired.shape[1:3])
         require_within_range(desired, screen)
@@ -127,10 +133,10 @@ def compensate(
 
 
 def predict(
-    desired: Light,
+    desired: LightArray,
     scene: AnyScene,
     *,
-    projected: Light | None = None,
+    projected: LightArray | None = None,
     combination: Combination | str = Combination.WITH_VEILS,
     threshold: float | None = None,
 ) -> Predicted:
@@ -177,7 +183,9 @@ def _is_general(observation: Observation | None, eye: Eye | None, method: str) -
     """Whether an observation of the user's own needs a solver that knows nothing of it."""
     if observation is None or isinstance(eye, Aim) or method != "perceptual":
         return False
-    return eye is not None or reflecting(observation) is None
+    if eye is not None:
+        return True
+    return isinstance(observation, AdjointObservation) and reflecting(observation) is None
 
 
 def solve_frame(

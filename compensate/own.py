@@ -15,7 +15,7 @@ from compensate.weighting import REGULARISATION, PerceptualWeighting, Weighting
 from domesim.errors import InputError
 from domesim.light import Array, Light
 from domesim.light.guarded import guarded
-from domesim.observation.base import AdjointObservation
+from domesim.observation.base import AdjointObservation, Observation
 from domesim.observation.linear import require_linear
 from domesim.scene import Scene
 
@@ -75,7 +75,7 @@ class LinearWeighting(Weighting):
 def own_problem(
     desired: Light,
     scene: Scene,
-    observation: AdjointObservation | None = None,
+    observation: Observation | None = None,
     weighting: Weighting | PerceptualWeighting | None = None,
 ) -> Problem:
     """Poses a master with another observation or weighting than the scene's own.
@@ -102,20 +102,20 @@ def own_problem(
     Raises
     ------
     InputError
-        If the scene's own observation has no adjoint (a grey-to-grey table).
+        If the observation has no adjoint (a grey-to-grey table).
     ValueError
         If shapes do not fit.
     """
     rows, cols = desired.shape[1:3]
     screen = scene.screen(rows, cols)
     if observation is None:
-        found = scene.solvable(rows, cols)
-        if not isinstance(found, AdjointObservation):
-            raise InputError(
-                f"{scene.name}: wanted an observation with an adjoint, got "
-                f"{type(found).__name__}; give a LinearObservation that is near it"
-            )
-        observation = found
+        observation = scene.solvable(rows, cols)
+    if not isinstance(observation, AdjointObservation):
+        raise InputError(
+            f"{scene.name}: a weighting's least squares need an observation with an adjoint, got "
+            f"{type(observation).__name__}; give a LinearObservation that is near it, or "
+            f"weighting='aim', which needs none"
+        )
     if not isinstance(weighting, Weighting):
         settings = weighting or PerceptualWeighting()
         views = observation.seen_shape[0]

@@ -15,7 +15,7 @@ from domesim.errors import InputError
 from domesim.frames import ColourTag, Frame, Master, read_master, write_master
 from domesim.frames.encodings import encoding_named
 from domesim.frames.views import made_for
-from domesim.light import Light, as_sent, on_host, require_finite, require_light
+from domesim.light import Light, LightT, as_sent, on_host, require_finite, require_light
 from domesim.observation.transport import Transport
 from domesim.scene import DomeScene, Scene
 from domesim.scene.loading import AnyScene, as_scene
@@ -57,7 +57,7 @@ def load_master(path: Files, scene: AnyScene, encoding: str | None = None) -> tu
     return decoded(master, as_scene(scene)), master
 
 
-def observe(light: Light, scene: AnyScene) -> Light:
+def observe(light: LightT, scene: AnyScene) -> LightT:
     """What the audience sees of projected light.
 
     Parameters
@@ -80,10 +80,11 @@ def observe(light: Light, scene: AnyScene) -> Light:
     require_light(light, who="observe")
     require_finite(light, who="observe")
     scene = as_scene(scene)
-    return scene.observation(*light.shape[1:3]).observe(light)
+    seen: LightT = scene.observation(*light.shape[1:3]).observe(light)
+    return seen
 
 
-def render(light: Light, scene: AnyScene, *, error: float = 0.05, seed: int = 0) -> Light:
+def render(light: LightT, scene: AnyScene, *, error: float = 0.05, seed: int = 0) -> LightT:
     """What the audience of a dome sees of projected light, by path tracing: noisy, and unbiased.
 
     Parameters
@@ -117,7 +118,8 @@ def render(light: Light, scene: AnyScene, *, error: float = 0.05, seed: int = 0)
     rows, cols = light.shape[1:3]
     how = Settings(error=error, seed=seed)
     traced = PathTracedDome(dome.theatre, rows, cols, how, black=black)
-    return as_sent(traced.observe(on_host(light)), light)
+    seen: LightT = as_sent(traced.observe(on_host(light)), light)
+    return seen
 
 
 def tabulate(scene: AnyScene, *, error: float = 5e-4, seed: int = 0) -> Transport:

@@ -8,7 +8,7 @@ projector primary (R, G, B).
 
 from __future__ import annotations
 
-from typing import Any, TypeAlias
+from typing import Any, Protocol, TypeAlias, TypeVar
 
 import numpy as np
 from array_api_compat import array_namespace, is_torch_array, to_device
@@ -21,6 +21,25 @@ Array: TypeAlias = Any
 
 Light: TypeAlias = Array
 """(view, row, col, primary), linear, 1.0 = projector white."""
+
+
+class LightArray(Protocol):
+    """What public functions take as `Light`: any array of the standard, and nothing else."""
+
+    @property
+    def shape(self) -> tuple[Any, ...]:
+        """Sizes of the axes."""
+
+    @property
+    def dtype(self) -> Any:
+        """Precision."""
+
+    @property
+    def device(self) -> Any:
+        """Where it is."""
+
+
+LightT = TypeVar("LightT", bound=LightArray)
 
 AXES = ("view", "row", "col", "primary")
 

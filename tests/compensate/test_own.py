@@ -15,6 +15,7 @@ from compensate.solver.result import Status
 from compensate.weighting import Masked, PerceptualWeighting
 from domesim import load_scene
 from domesim.errors import InputError
+from domesim.observation.base import Observation
 from domesim.observation.linear import LinearObservation
 
 SIZE = 20
@@ -101,6 +102,38 @@ def test_what_does_not_fit_is_refused(desired):
         compensate(desired * 9, DOME, observation=by_functions())
     with pytest.raises(InputError, match="adjoint, got GreyToGrey"):
         own_problem(np.full((2, 8, 8, 3), 0.2), load_scene("stereo_shutter"))
+
+
+class Seen(Observation):
+    """A veil of a share of the mean, of which nobody gives an adjoint."""
+
+    @property
+    def shape(self):
+        return SHAPE
+
+    def _observe(self, light):
+        return light + 0.3 * np.mean(light)
+
+    def _direct(self, light):
+        return light
+
+
+def test_what_a_class_offers_decides(desired):
+    seen = Seen()
+    for weighting in (None, "aim"):
+        result = compensate(desired, DOME, observation=seen, weighting=weighting)
+        assert result.status is Status.AIMED
+    subtracted = compensate(desired, DOME, observation=seen, method="subtractive").light
+    on = DOME.screen(SIZE, SIZE)[None, :, :, None] & (subtracted > 0)
+    np.testing.assert_allclose(
+        seen.observe(subtracted)[np.broadcast_to(on, SHAPE)],
+        desired[np.broadcast_to(on, SHAPE)],
+        atol=1e-4,
+    )
+    with pytest.raises(InputError, match="need an observation with an adjoint, got Seen;"):
+        compensate(desired, DOME, observation=seen, weighting="paper")
+    with pytest.raises(InputError, match="compensate takes an Observation, got a int"):
+        compensate(desired, DOME, observation=3)
 
 
 def test_single_precision_stops_where_it_can_tell_no_more(desired):
