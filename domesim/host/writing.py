@@ -36,7 +36,7 @@ LIST = ".domesim"
 
 _HEAD = b"# What domesim wrote here, as it was written. It replaces these files, and no others.\n"
 _OWN = b"# domesim made this folder. It removes it when it makes it anew.\n"
-_LONGEST = 1 << 26  # bytes of a list
+_LONGEST = 1 << 28  # bytes of a list: of a show of a hundred thousand frames, done many times
 
 _MOVE = "Move it away, or choose another folder"
 
@@ -238,6 +238,33 @@ def write_together(contents: Sequence[tuple[Path, bytes]]) -> None:
         _put([path for path, _ in contents], temporaries, digests)
 
 
+def create(place: Path, content: bytes) -> None:
+    """Make a file that others may look for at once: nobody sees it without its content.
+
+    Raises
+    ------
+    FileExistsError
+        If there is one.
+    OSError
+        If it cannot be made.
+    """
+    temporary = temporary_of(place)
+    try:
+        with os.fdopen(_new(temporary), "wb") as file:
+            file.write(content)
+        try:
+            os.link(temporary, place)
+        except OSError as error:
+            if _state(place) is not None:  # sshfs says that it is not permitted
+                raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST)) from error
+            if error.errno not in _NO_LINKS:
+                raise
+            os.close(_new(place))
+            temporary.replace(place)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
 @contextmanager
 def written_to(path: Path) -> Iterator[Path]:
     """A file that an encoder writes by its name; it gets the name `path` if all goes well.
@@ -321,7 +348,7 @@ def mark_own(folder: Path) -> None:
     OSError
         If it cannot be marked, or is.
     """
-    _begin(folder / LIST, _OWN)
+    create(folder / LIST, _OWN)
 
 
 def require_own(folder: Path) -> None:
@@ -385,31 +412,6 @@ def _new(path: Path) -> int:
     return os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, 0o666)
 
 
-def _begin(place: Path, content: bytes) -> None:
-    """Make a file that others may look for at once: nobody sees it without its content.
-
-    Raises
-    ------
-    FileExistsError
-        If there is one.
-    OSError
-        If it cannot be made.
-    """
-    temporary = temporary_of(place)
-    try:
-        with os.fdopen(_new(temporary), "wb") as file:
-            file.write(content)
-        try:
-            os.link(temporary, place)
-        except OSError as error:
-            if error.errno not in _NO_LINKS:
-                raise
-            os.close(_new(place))
-            temporary.replace(place)
-    finally:
-        temporary.unlink(missing_ok=True)
-
-
 def _state(path: Path) -> _State | None:
     """What tells the file at `path` from another there, or as it was; None for none."""
     try:
@@ -455,7 +457,7 @@ def _note(path: Path, digest: str) -> None:
     place, line = path.parent / LIST, written_sums({path.name: digest})
     if _state(place) is None:
         with suppress(FileExistsError):
-            _begin(place, _HEAD)
+            create(place, _HEAD)
     handle = os.open(place, os.O_RDWR | os.O_APPEND | os.O_NOFOLLOW | os.O_NONBLOCK)
     with os.fdopen(handle, "rb+", buffering=0) as file:
         if not file.read(len(_HEAD)) == _HEAD:
@@ -493,7 +495,7 @@ def _rename(temporary: Path, path: Path) -> None:
         else:
             temporary.replace(path)
     except OSError as error:
-        if error.errno not in _NO_LINKS:
+        if error.errno not in _NO_LINKS or _state(path) != now:
             raise
         temporary.replace(path)
     _prepared[said] = _state(path)

@@ -29,6 +29,7 @@ from domesim.errors import InputError, reason
 from domesim.frames.video import file_of, video_of
 from domesim.host.files import read_plain
 from domesim.host.writing import (
+    create,
     is_listed,
     is_own,
     listed,
@@ -431,14 +432,9 @@ def _is_unused(job: Job, text: str) -> bool:
 
 def _create(place: Path, known: Path) -> None:
     """Put what `known` holds at `place` if nothing is there: one step, even without locks."""
-    if place.exists():
-        return
-    try:
-        os.link(known, place)
-    except FileExistsError:
-        pass
-    except OSError:  # a file system without links
-        write_whole(place, known.read_bytes())
+    if not place.exists():
+        with suppress(FileExistsError):
+            create(place, known.read_bytes())
 
 
 def _text(place: Path) -> str:

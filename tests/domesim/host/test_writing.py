@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import ast
+import errno
 import os
 import secrets
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from pathlib import Path
 
 import pytest
@@ -16,6 +17,7 @@ from domesim.errors import InputError
 from domesim.host.files import KEPT_OPEN
 from domesim.host.writing import (
     LIST,
+    create,
     is_own,
     make_own,
     note_written,
@@ -207,3 +209,25 @@ def test_trees_are_removed_in_one_place() -> None:
                 if isinstance(node, ast.Attribute | ast.Name) and name in removing:
                     found.add(str(path.relative_to(ROOT)))
     assert found == {"domesim/host/writing.py"}
+
+
+@pytest.mark.parametrize("refused", [errno.EPERM, errno.ENOTSUP])
+@pytest.mark.parametrize("is_there", [False, True])
+def test_without_links_no_file_of_another_is_replaced(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, refused: int, is_there: bool
+) -> None:
+    """Some file systems have none; sshfs says so, too, where a file has come meanwhile."""
+    made, path = tmp_path / "settings", tmp_path / "result"
+    prepare(path)
+
+    def link(source: Path, target: Path) -> None:
+        if is_there and Path(target).name != LIST:
+            Path(target).write_text(THEIRS)
+        raise OSError(refused, os.strerror(refused))
+
+    monkeypatch.setattr(os, "link", link)
+    with pytest.raises(FileExistsError) if is_there else nullcontext():
+        create(made, b"ours")
+    with pytest.raises(InputError, match="wanted to write it") if is_there else nullcontext():
+        write_whole(path, b"ours")
+    assert made.read_text() == path.read_text() == (THEIRS if is_there else "ours")
