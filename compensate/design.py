@@ -306,13 +306,18 @@ def theatre(content: Content, *, trace: bool) -> Scene:
         from domesim.pathtrace.tabulate import tabulate  # noqa: PLC0415 - loads Mitsuba
 
         return scene.with_transport(tabulate(scene.theatre, error=TRACED_ERROR).transport)
+    if scene.theatre.paint is not None:  # uneven paint, which the closed form alone knows
+        return scene
     return scene.with_transport(whole_transport(scene.theatre.enclosure))
 
 
 def left_out(content: Content, *, trace: bool) -> tuple[str, ...]:
     """Lists what of a scene's room `theatre` leaves out."""
     scene = load_scene(content)
-    return () if trace or not isinstance(scene, DomeScene) else scene.theatre.beyond_enclosure
+    if trace or not isinstance(scene, DomeScene):
+        return ()
+    room = scene.theatre
+    return room.beyond_enclosure if room.paint is None else room.departures()
 
 
 # Knobs.
