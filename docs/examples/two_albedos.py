@@ -2,7 +2,8 @@
 A dome of two albedos
 =====================
 
-Compensate for a dome that no scene file describes: 200° of screen, half of which was painted anew.
+Compensate for a dome by an observation of your own: 200° of screen, half of which was painted anew.
+A scene's `screen.albedo_map` says the same without a program.
 
 On a sphere every place receives the same reflected light, whatever its own albedo. With rho a
 pixel's albedo, a its area, and x the light that is projected, as seen on a screen of albedo 0.5:
