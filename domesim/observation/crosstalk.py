@@ -215,7 +215,7 @@ def leak_matrices(crosstalk: ArrayLike, primaries: int = 3) -> NDArray[np.float6
     Raises
     ------
     InputError
-        If it has another shape.
+        If it has another shape, or is not finite.
     """
     stated = np.asarray(crosstalk, np.float64)
     shapes = {
@@ -231,6 +231,8 @@ def leak_matrices(crosstalk: ArrayLike, primaries: int = 3) -> NDArray[np.float6
             f"leak_matrices takes crosstalk of shape {', '.join(map(str, shapes))}, "
             f"got {stated.shape}"
         )
+    if not np.isfinite(stated).all():
+        raise InputError(f"crosstalk must be finite, got {stated.tolist()}")
     matrices = shapes[stated.shape]()
     if matrices.ndim == 2:
         matrices = matrices[:, :, None] * np.eye(primaries)
