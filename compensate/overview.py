@@ -17,8 +17,8 @@ from compensate.plain import Around, around_of, around_of_plane
 from compensate.ruler import averaged, block_of
 from domesim.light import Light
 from domesim.light.blocks import block_sums_within
-from domesim.light.planes import Columns, Planes, planes_of
-from domesim.light.strips import in_strips, product
+from domesim.light.planes import Columns, Planes, once, planes_of
+from domesim.light.strips import in_strips, product, summed
 from domesim.observation.base import Observation
 from domesim.observation.lowrank import LowRank, LowRankObservation
 
@@ -135,13 +135,13 @@ class Overview:
     @property
     def _factors(self) -> LowRank:
         assert isinstance(self._observation, LowRankObservation)
-        return self._observation.factors_like(np.empty(0, np.float32))
+        return self._observation.on_screen_like(np.empty(0, np.float32))
 
     def _summed(self, planes: Planes) -> tuple[Floats, Floats]:
         """(primary, row, col) sums of own light over blocks, and (primary, rank) V'x."""
         f, block = self._factors, block_of(self._screen)
         rows, cols = self._screen.shape
-        gain = None if (f.direct_gain == 1).all() else f.direct_gain
+        gain = None if (once(f.direct_gain) == 1).all() else f.direct_gain
 
         def look(_: int, blocks: slice) -> tuple[Floats, Floats]:
             some = slice(blocks.start * block, min(blocks.stop * block, rows))
@@ -151,10 +151,10 @@ class Overview:
             on = (
                 self._screen[at].astype(np.float32) if gain is None else self._screen[at] * gain[at]
             )
+            sums = block_sums_within([x * on for x in each], block, at[1], cols)
             # Rows and columns that do not fill a block are left out
-            sums = [block_sums_within(x * on, block, at[1], cols) for x in each]
             full = (some.stop - some.start) // block, cols // block
-            return np.stack([plane[: full[0], : full[1]] for plane in sums]), np.array(collected)
+            return sums[:, : full[0], : full[1]], np.array(collected)
 
         shape = 1, -(-rows // block), block * cols * len(f.core)
         sums, collected = zip(*in_strips(look, shape), strict=True)
@@ -172,9 +172,14 @@ class Overview:
     @cached_property
     def _means(self) -> tuple[Floats, Floats]:
         """(rank,) and (primary,) means of the same over the screen's area."""
-        weights = self._areas / self._areas.sum()
+        areas, whole = self._areas, float(self._areas.sum())
         modes, room = (
-            np.array([np.vdot(weights, plane) for plane in planes])
+            np.array([_summed(areas, plane) / whole for plane in planes])
             for planes in (self._factors.spread, self._factors.ambient)
         )
         return modes, room
+
+
+def _summed(plane: Floats, other: Floats) -> float:
+    """Sum of the products of two planes (row, col)."""
+    return sum(in_strips(lambda _, rows: summed(plane[rows] * other[rows]), (1, *plane.shape)))

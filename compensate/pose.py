@@ -104,13 +104,7 @@ class Posed:
         setting = self.setting
         if not isinstance(setting.single, LowRankObservation):
             return None
-        return Floor(setting.single, self.own_planes, self._upper, setting.columns)
-
-    @property
-    def _upper(self) -> Array | float:
-        """The largest light, in the type of the master's."""
-        first = slice(0, 1)
-        return self.setting.upper_like(self.planes(0, first, first)[0])
+        return Floor(setting.single, self.own_planes, columns=setting.columns)
 
     @cached_property
     def own_planes(self) -> Planes:
@@ -123,7 +117,7 @@ class Posed:
         # It does not know this object, whose memory would stay until Python looks for cycles
         def gained(view: int, rows: Index, cols: Index) -> Sequence[Array]:
             found = planes(view, rows, cols)
-            gain = dome.factors_like(found[0]).direct_gain[rows, cols]
+            gain = dome.on_screen_like(found[0]).direct_gain[rows, cols]
             return [plane * gain for plane in found]
 
         return gained
@@ -193,9 +187,7 @@ class Posed:
         eye, sight = setting.eye, setting.sight
         if self.floor is not None:
             floor, columns = self.floor.planes, setting.columns
-            return lifted_light(
-                eye, sight, setting.single, self.own_planes, floor, self._upper, columns
-            )
+            return lifted_light(eye, sight, setting.single, self.own_planes, floor, columns=columns)
         wanted = setting.single.direct(self.desired)
         upper = setting.upper_like(wanted)
         light, seen = self.subtractive, self.shown
@@ -266,7 +258,7 @@ class Stage:
         """
         dome = self._of_size(rows, cols).dome
         if dome is not None:
-            dome.factors_like(np.empty(0, np.float32))
+            dome.on_screen_like(np.empty(0, np.float32))
 
     def pose(self, desired: Light) -> Posed:
         """Poses a master (view, row, col, primary).
@@ -304,11 +296,14 @@ class Stage:
         screen, counts = setting.screen, []
 
         def planes(view: int, rows: Index, cols: Index, *, count: bool = False) -> Sequence[Array]:
-            found = light_of(view, rows, cols)
+            found, on = light_of(view, rows, cols), screen[rows, cols]
             if count:
-                counts.append(beyond(found, screen[rows, cols], (0, 1), SLACK))
+                counts.append(beyond(found, on, (0, 1), SLACK))
+            for off in setting.columns.partly(rows, cols):
+                for plane in found:
+                    plane[..., off] *= on[..., off]
             for plane in found:  # none is below 0
-                np.minimum(plane, setting.on[rows, cols], out=plane)
+                np.minimum(plane, np.float32(1), out=plane)
             return found
 
         seen = setting.overview.of(partial(planes, count=True))

@@ -41,14 +41,24 @@ from numpy.typing import NDArray
 
 from domesim.errors import InputError
 from domesim.light import Array, Light, namespace
-from domesim.light.planes import Columns, Index, Planes, dtype_of, empty_light, every, planes_of
+from domesim.light.planes import (
+    Columns,
+    Index,
+    Planes,
+    compact,
+    dtype_of,
+    empty_light,
+    every,
+    once,
+    planes_of,
+)
 from domesim.light.strips import in_strips, product, summed
 from domesim.observation.base import Observation
 from domesim.observation.crosstalk import Crosstalk
 from domesim.observation.dome_pair import ReflectedViews
 from domesim.observation.followed import Followed
 from domesim.observation.grey_to_grey import GreyToGrey
-from domesim.observation.lowrank import LowRankObservation, expand
+from domesim.observation.lowrank import LowRank, LowRankObservation, expand
 from domesim.observation.stereo import StereoObservation
 
 Floats = NDArray[Any]
@@ -97,7 +107,7 @@ def subtracted(
     max_rounds
         Rounds, or Newton steps, at most.
     columns
-        Those outside which both bounds are 0, of a dome's screen; all of them by default.
+        What a dome's screen takes of strips, if nothing is wanted off it, nor may be shown.
 
     Returns
     -------
@@ -111,7 +121,12 @@ def subtracted(
     """
     if observation.shape != observation.seen_shape:
         raise InputError(f"subtraction is of one seat, got {observation.seen_shape} seen")
-    if isinstance(wanted, np.ndarray) and (parts := _parts(observation, wanted)) is not None:
+    parts = None
+    if isinstance(observation, LowRankObservation) and columns is not None:
+        parts = _of_dome(observation.on_screen_like(wanted))
+    elif isinstance(wanted, np.ndarray):
+        parts = _parts(observation, wanted)
+    if parts is not None:
         planes, shape, dtype = planes_of(wanted), wanted.shape, wanted.dtype
         strips = _Strips(parts, planes, shape, dtype, bounds, max_rounds, columns)
         s, steps = _settled(strips)
@@ -131,11 +146,11 @@ class Floor:
     observation
         What is seen of light.
     wanted
-        What should be seen.
+        What should be seen; 0 off the screen.
     upper
         Largest light, which broadcasts; the least is 0.
     columns
-        As for `subtracted`.
+        What the screen takes of strips; all columns by default.
     """
 
     def __init__(
@@ -146,9 +161,8 @@ class Floor:
         columns: Columns | None = None,
     ) -> None:
         dtype, shape = dtype_of(wanted), observation.shape
-        parts = _parts(observation, np.empty(0, dtype))
-        assert parts is not None  # as of any such observation
-        bounds = 0.0, upper
+        parts = _of_dome(observation.on_screen_like(np.empty(0, dtype)))
+        bounds, self._screen = (0.0, upper), observation.screen
         self._strips = _Strips(parts, wanted, shape, dtype, bounds, MAX_ROUNDS, columns)
         self._s, _ = _settled(self._strips)
 
@@ -197,8 +211,8 @@ class Floor:
 
         def look(at: At) -> None:
             if not found.is_set():
-                left = self.projected(*at)[1]
-                if max(float(np.abs(each).max()) for each in left) > most:
+                left, on = self.projected(*at)[1], self._screen[at]
+                if max(float(np.abs(each).max(where=on, initial=0)) for each in left) > most:
                     found.set()
 
         self._strips.each(look)
@@ -275,11 +289,9 @@ class _Parts(NamedTuple):
         """Those of every so many rows and columns, whose pixels stand for their neighbours'."""
 
         def some(array: Floats) -> Floats:
-            return array[..., ::step, ::step]
+            return compact(array[..., ::step, ::step])
 
-        dark = self.dark
-        if dark is not None:
-            dark = np.moveaxis(some(np.moveaxis(dark, -1, 1)), 1, -1)
+        dark = None if self.dark is None else compact(self.dark[:, ::step, ::step])
         return self._replace(
             gain=None if self.gain is None else some(self.gain),
             spread=some(self.spread),
@@ -292,10 +304,7 @@ class _Parts(NamedTuple):
 def _parts(observation: Observation, like: Floats) -> _Parts | None:
     """The parts of an observation that has them, else None."""
     if isinstance(observation, LowRankObservation):
-        f = observation.factors_like(like)
-        gain = None if (f.direct_gain == 1).all() else f.direct_gain
-        dark = np.moveaxis(f.ambient, 0, -1)[None] if f.ambient.any() else None
-        return _Parts(gain, f.spread, f.collect, f.core, None, dark, None)
+        return _of_dome(observation.factors_like(like))
     if isinstance(observation, Crosstalk):
         none = np.zeros((0, *like.shape[1:3]), like.dtype)
         # Of a whole row: NumPy repeats three numbers slowly
@@ -306,6 +315,13 @@ def _parts(observation: Observation, like: Floats) -> _Parts | None:
         if isinstance(first, ReflectedViews) and isinstance(then, Crosstalk):
             return _pair_in_a_dome(first, then, like.dtype)
     return None
+
+
+def _of_dome(f: LowRank) -> _Parts:
+    """The parts of a dome of one view."""
+    gain = None if (once(f.direct_gain) == 1).all() else f.direct_gain
+    dark = np.moveaxis(f.ambient, 0, -1)[None] if once(f.ambient).any() else None
+    return _Parts(gain, f.spread, f.collect, f.core, None, dark, None)
 
 
 @lru_cache(maxsize=1)
@@ -403,13 +419,13 @@ class _Strips:
     @cached_property
     def reach(self) -> Floats:
         """(rank,) most light by which a unit of s shifts what is seen."""
-        return np.asarray(np.abs(self.k.spread).max(axis=(1, 2)))
+        return np.asarray(np.abs(once(self.k.spread)).max(axis=(1, 2)))
 
     def every(self, step: int) -> _Strips:
         """Those of every so many rows and columns."""
         wanted, some = every(self._wanted, self._shape[0], step), slice(None, None, step)
         at = slice(None), some, some
-        bounds = self._lower[at], self._upper[at]
+        bounds = compact(self._lower[at]), compact(self._upper[at])
         return _Strips(
             self.k.every(step),
             planes_of(wanted),

@@ -107,7 +107,7 @@ def _white(observation: Observation, dtype: Any) -> Light:
     """What is seen of white in its own place, (view, row, col, primary)."""
     shape, one = observation.shape, np.ones((), dtype)
     if isinstance(observation, LowRankObservation):
-        gain = observation.factors_like(one).direct_gain
+        gain = observation.on_screen_like(one).direct_gain
         return np.broadcast_to(gain[None, :, :, None], shape)
     return observation.direct(np.broadcast_to(one, shape))
 

@@ -216,7 +216,7 @@ def _bases(
         w, log_m = on * (c / m), xp.log(m)
         first = w * log_m
         planes = on, missing, w, first, first * log_m
-        return xp.stack([block_sums_within(plane, block, some, cols) for plane in planes])
+        return block_sums_within(planes, block, some, cols)
 
     v, bases = 0.0, []
     for planes in xp.unstack(by_blocks(sums, shape, block, like), axis=0):

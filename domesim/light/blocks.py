@@ -5,7 +5,7 @@ A block is a square of `block` x `block` pixels; the last ones of a picture may 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import reduce
 
 import numpy as np
@@ -34,13 +34,13 @@ def block_sums(planes: Array, block: int) -> Array:
     return planes
 
 
-def block_sums_within(plane: Array, block: int, cols: slice, width: int) -> Array:
-    """Sums some columns of a plane over blocks of a picture; outside of them are zeros.
+def block_sums_within(planes: Sequence[Array], block: int, cols: slice, width: int) -> Array:
+    """Sums some columns of planes over blocks of a picture; outside of them are zeros.
 
     Parameters
     ----------
-    plane
-        (row, col) of these columns.
+    planes
+        (row, col) each, of these columns.
     block
         Pixels along a block's side.
     cols
@@ -51,14 +51,15 @@ def block_sums_within(plane: Array, block: int, cols: slice, width: int) -> Arra
     Returns
     -------
     sums
-        (row, col) of blocks of the whole width.
+        (plane, row, col) of blocks of the whole width.
     """
-    found = block_sums(plane, block)
+    xp = namespace(planes[0])
+    found = _sums_along(xp.stack([_sums_along(plane, block, -2) for plane in planes]), block, -1)
     if cols == slice(0, width):
         return found
-    wide = np.zeros((found.shape[0], -(-width // block)), found.dtype)
+    wide = np.zeros((*found.shape[:2], -(-width // block)), found.dtype)
     first = cols.start // block
-    wide[:, first : first + found.shape[1]] = found
+    wide[..., first : first + found.shape[2]] = found
     return wide
 
 
@@ -223,9 +224,10 @@ def _sums_along(planes: Array, block: int, axis: int) -> Array:
         after = planes.shape[-1:] if axis == -2 else ()
         return xp.sum(xp.reshape(planes, (*planes.shape[:axis], -1, block, *after)), axis=axis)
 
-    places = (slice(first, None, block) for first in range(block))
-    lines = (planes[..., place, :] if axis == -2 else planes[..., place] for place in places)
-    return reduce(np.add, lines)
+    if axis == -2:
+        *before, rows, cols = planes.shape
+        return np.add.reduce(planes.reshape(*before, rows // block, block, cols), axis=-2)
+    return reduce(np.add, (planes[..., first::block] for first in range(block)))
 
 
 def _linear_across(coarse: Array, block: int, cols: int) -> Array:

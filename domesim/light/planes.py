@@ -38,6 +38,16 @@ def planes_of(light: Light) -> Planes:
     return lambda view, rows, cols: [light[view, rows, cols, p] for p in range(light.shape[-1])]
 
 
+def compact(array: NDArray[Any]) -> NDArray[Any]:
+    """Copies an array so that it lies in one piece; what is repeated is kept once."""
+    return np.broadcast_to(np.ascontiguousarray(once(array)), array.shape)
+
+
+def once(array: NDArray[Any]) -> NDArray[Any]:
+    """Returns an array without repetitions: axes along which it is one value have one place."""
+    return array[tuple(slice(0, None if step else 1) for step in array.strides)]
+
+
 def dtype_of(planes: Planes) -> np.dtype[Any]:
     """Returns the type of NumPy's light that is told part by part."""
     first = slice(0, 1)
@@ -146,3 +156,16 @@ class Columns:
         first, last, whole = self._ends
         start = int(first[rows].max()) if whole[rows].all() else self._screen.shape[1]
         return slice(start, max(start, int(last[rows].min())))
+
+    def partly(self, rows: Index, cols: Index) -> list[slice]:
+        """Returns the parts of `cols` in which some pixel of the rows may be off the screen."""
+        if not (isinstance(cols, slice) and isinstance(rows, slice) and cols.step is None):
+            return [slice(None)]
+        start, stop, _ = cols.indices(self._screen.shape[1])
+        full = self.full(rows)
+        ends = slice(start, min(full.start, stop)), slice(max(full.stop, start), stop)
+        if full.stop <= full.start:
+            return [slice(None)]
+        return [
+            slice(each.start - start, each.stop - start) for each in ends if each.stop > each.start
+        ]

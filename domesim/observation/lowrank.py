@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from domesim.light import Array, Light, kind, namespace, total
+from domesim.light.planes import once
 from domesim.light.strips import in_parts
 from domesim.observation.base import AdjointObservation
 
@@ -61,9 +62,7 @@ class LowRank:
         def convert(array: Array, dtype: Any) -> Array:
             if not isinstance(array, np.ndarray):
                 return xp.asarray(array, dtype=dtype, device=light.device)
-            # What is repeated is kept once
-            once = tuple(slice(0, None if step else 1) for step in array.strides)
-            kept = array[once]
+            kept = once(array)
             if xp is not np:
                 kept = np.require(kept, requirements="W")  # PyTorch has no read-only arrays
             return xp.broadcast_to(xp.asarray(kept, dtype=dtype, device=light.device), array.shape)
@@ -100,7 +99,7 @@ class LowRankObservation(AdjointObservation):
     @cached_property
     def has_unit_gain(self) -> bool:
         """Whether D is 1 everywhere."""
-        return bool(np.all(self.factors.direct_gain == 1))
+        return bool(np.all(once(self._factors.direct_gain) == 1))
 
     @property
     def screen(self) -> NDArray[np.bool_]:
@@ -114,14 +113,24 @@ class LowRankObservation(AdjointObservation):
     @property
     def shape(self) -> tuple[int, int, int, int]:
         """(1, row, col, primary)."""
-        rows, cols = self.factors.direct_gain.shape
-        return 1, rows, cols, self.factors.core.shape[0]
+        rows, cols = self._factors.direct_gain.shape
+        return 1, rows, cols, self._factors.core.shape[0]
 
     def factors_like(self, light: Light) -> LowRank:
         """`factors` as arrays of `light`'s library, precision and device, kept for the next use."""
         key = kind(light)
         if key not in self._cache:
             self._cache[key] = self.factors.like(light)
+        return self._cache[key]
+
+    def on_screen_like(self, light: Light) -> LowRank:
+        """`factors_like` that hold on the screen alone, for light that is 0 off it.
+
+        What is the same all over the screen is kept once.
+        """
+        key = (*kind(light), "on the screen")
+        if key not in self._cache:
+            self._cache[key] = self._factors.like(light)
         return self._cache[key]
 
     def _observe(self, light: Light) -> Light:

@@ -12,6 +12,8 @@ This corrects eq. 15 of the paper: ``validation/notes/0001-eq15-corrected.md`` d
 
 from __future__ import annotations
 
+from dataclasses import replace
+from functools import cached_property
 from typing import final
 
 import numpy as np
@@ -142,22 +144,30 @@ class ClosedFormDome(LowRankObservation):
         else:
             gain = np.where(screen, lens_gain, 1.0)
             collect = areas * gain
-        spread, reflecting = screen.astype(np.float32), dome.screen_area
+        spread, reflecting = np.broadcast_to(np.float32(1), screen.shape), dome.screen_area
         if paint is not None:
-            spread = spread * paint.astype(np.float32)
+            spread = screen * paint.astype(np.float32)
             reflecting *= float(np.sum(areas * paint) / np.sum(areas))
         gains = [closed_form_gain(float(rho), dome.radius, reflecting, kept) for rho in albedos]
         offset = np.broadcast_to(np.asarray(ambient, np.float64), (primaries,))
         # Rank one: the screen, the gain, the pixels' areas times the direct gain
+        dark = offset.astype(areas.dtype)[:, None, None]
         factors = LowRank(
             direct_gain=gain,
             spread=spread[None],
             core=np.asarray(gains).reshape(-1, 1, 1),
             collect=collect[None].astype(areas.dtype, copy=False),
-            ambient=_on(screen, offset.astype(areas.dtype)),
+            ambient=np.broadcast_to(dark, (primaries, *screen.shape)),
         )
         super().__init__(factors, screen)
         self._painted = paint is not None
+
+    @cached_property
+    def factors(self) -> LowRank:
+        """See `LowRankObservation`."""
+        found, screen = self._factors, self._screen
+        ambient = _on(screen, found.ambient[:, 0, 0])
+        return replace(found, spread=found.spread * screen, ambient=ambient)
 
     def screen_like(self, light: Light) -> Array:
         """See `LowRankObservation`: U's only mode, on even paint."""

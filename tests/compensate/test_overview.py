@@ -10,8 +10,9 @@ from compensate.overview import Overview
 from compensate.plain import around_of
 from compensate.ruler import averaged
 from compensate.subtract import Floor, subtracted
-from domesim.light.planes import planes_of
+from domesim.light.planes import Columns, planes_of
 from domesim.observation.lowrank import LowRank, LowRankObservation
+from domesim.scene import load_scene
 
 ROWS, COLS = 45, 37
 SCREEN = np.hypot(*np.mgrid[-1 : 1 : ROWS * 1j, -1 : 1 : COLS * 1j]) < 1
@@ -71,7 +72,8 @@ def test_what_is_seen_around_places_is_what_is_observed_there(
 def test_a_floor_is_what_subtraction_leaves_beside_own_light(
     observation: LowRankObservation,
 ) -> None:
-    wanted, upper = observation.direct(LIGHT), SCREEN[None, :, :, None].astype(np.float32)
+    upper = SCREEN[None, :, :, None].astype(np.float32)
+    wanted = observation.direct(LIGHT * upper)
     floor = Floor(observation, planes_of(wanted), upper)
     light, _ = subtracted(observation, wanted, (0.0, upper))
     shown, some = observation.observe(light), slice(10, 20)
@@ -120,3 +122,26 @@ def test_reflection_stronger_than_the_picture_is_subtracted_exactly(rank, streng
     light, _ = subtracted(observation, wanted, (0.0, 1.0))
     around = observation.observe(light) - observation.direct(light)
     np.testing.assert_allclose(light, np.clip(wanted - around, 0, 1), atol=1e-6)
+
+
+def test_what_holds_on_the_screen_alone_gives_the_same_there() -> None:
+    """A dome's maps that are the same all over the screen are never made."""
+    dome, size = load_scene("dome_imax"), 60
+    observation, screen = dome.solvable(size, size), dome.screen(size, size)
+    on = screen[None, :, :, None]
+    light = RANDOM.random((1, size, size, 3), np.float32) ** 4 * on
+    columns = Columns(screen)
+    floor = Floor(observation, planes_of(light), columns=columns)
+    found, _ = subtracted(observation, light, (0.0, 1.0), columns=columns)
+    overview = Overview(observation, screen, dome.pixel_areas(size, size))
+    small = overview.of(light).small
+    assert "factors" not in vars(observation)
+    expected, _ = subtracted(observation, light, (0.0, on.astype(np.float32)))
+    np.testing.assert_allclose(floor.subtracted(), expected, atol=1e-7)
+    np.testing.assert_allclose(found, expected, atol=1e-7)
+    seen = observation.observe(light)
+    np.testing.assert_allclose(small, averaged(seen, screen), atol=1e-6)
+    shown = observation.observe(expected) - light
+    worst = float(np.abs(shown).max())
+    assert floor.leaves(0.9 * worst)
+    assert not floor.leaves(1.1 * worst)

@@ -49,7 +49,7 @@ PHOTOGRAPHS = ("trunks", "fog", "motorcycle")
 RUNS = 5
 SHORT, LONG = 4, 24
 """Frames of two sequences: what the longer one takes more is of further frames."""
-HEADER = f"{'work':<34}{'seconds':>9}{'pairs':>7}{'core-s':>8}{'copies':>8}{'GiB':>6}{'unit, s':>9}"
+HEADER = f"{'work':<34}{'seconds':>9}{'pairs':>7}{'core-s':>8}{'copies':>8}{'MiB':>7}{'unit, s':>9}"
 
 
 @final
@@ -93,9 +93,9 @@ class FileCost:
 
 def line(cost: FileCost) -> str:
     """What was measured, under `HEADER`."""
-    gib = "" if cost.gib is None else f"{cost.gib:.1f}"
+    mib = "" if cost.gib is None else f"{1024 * cost.gib:.0f}"
     copies = "" if cost.copies is None else f"{cost.copies:.2f}"
-    figures = f"{cost.seconds:>9.2f}{cost.pairs:>7.0f}{cost.cpu_s:>8.2f}{copies:>8}{gib:>6}"
+    figures = f"{cost.seconds:>9.2f}{cost.pairs:>7.0f}{cost.cpu_s:>8.2f}{copies:>8}{mib:>7}"
     busy = "" if cost.busy is None else f"  {cost.busy:.0%} of {cores()} cores busy"
     return f"{cost.work:<34}{figures}{cost.unit:>9.4f}{busy}"
 
@@ -111,6 +111,9 @@ def file_costs(*, quick: bool = False) -> Iterator[FileCost]:
             work = f"dome {side}², {suffix.upper()}"
             yield _alone(work, files, folder, (side, side), runs)
             yield _further(work, files, folder, (side, side))
+        side = 8192 // small
+        files = _stored(folder, "large", night(side, 0), "exr")
+        yield _alone(f"dome {side}², EXR", files, folder, (side, side), runs)
         cols, rows = 1920 // small, 1080 // small
         pair = night_street(cols)[:, :rows]
         for suffix in ("png", "exr"):

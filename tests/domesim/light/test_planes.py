@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from domesim.light.planes import Columns, every, gathered, planes_of
+from domesim.light.planes import Columns, compact, every, gathered, once, planes_of
 
 LIGHT = np.random.default_rng(0).random((2, 30, 20, 3), np.float32)
 
@@ -40,6 +40,17 @@ def test_columns_hold_the_screen_and_no_block_more(kind, block):
         if on.size:
             assert on[0] - block < cols.start <= on[0]
             assert on[-1] < cols.stop <= on[-1] + block
+        off = np.ones(40, bool)[: cols.stop - cols.start]
+        for part in columns.partly(rows, cols):
+            off[part] = False
+        assert screen[rows, cols][:, off].all()
         whole = np.flatnonzero(screen[rows].all(axis=0))
         if kind in ("disc", "cut", "all"):
             assert full.stop - full.start == whole.size
+
+
+def test_what_is_repeated_is_kept_once():
+    wide = np.broadcast_to(LIGHT[:, :, :1, :], LIGHT.shape)[:, ::3]
+    assert once(wide).shape == (2, 10, 1, 3)
+    np.testing.assert_array_equal(compact(wide), wide)
+    assert once(compact(wide)).flags.c_contiguous
