@@ -56,6 +56,8 @@ def cropping_of(video: Path, cols: int, rows: int) -> Crop:
 
 def lacks_index(video: Path) -> bool:
     """Whether a file begins as an MP4 and has no whole box moov: it broke off."""
+    if not video.is_file():  # the path is of a frame
+        return False
     with open_plain(video) as file:
         return file.read(8)[4:] == b"ftyp" and not _index_of(file)
 
