@@ -386,7 +386,7 @@ def test_a_fault_of_ours_fails_alone(tmp_path: Path, recipe: Harmful) -> None:
     assert not (tmp_path / "out/job/in.0001.exr.fault.txt").exists()
 
 
-@pytest.mark.parametrize("small_disk", ["420k"], indirect=True)
+@pytest.mark.parametrize("small_disk", ["432k"], indirect=True)
 @pytest.mark.parametrize("workers", [0, 1])
 def test_a_full_disk_leaves_what_is_whole(
     tmp_path: Path, small_disk: Path, recipe: Harmful, workers: int
