@@ -146,7 +146,7 @@ class ClosedFormDome(LowRankObservation):
             collect = areas * gain
         spread, reflecting = np.broadcast_to(np.float32(1), screen.shape), dome.screen_area
         if paint is not None:
-            spread = screen * paint.astype(np.float32)
+            spread = paint.astype(np.float32) * screen
             reflecting *= float(np.sum(areas * paint) / np.sum(areas))
         gains = [closed_form_gain(float(rho), dome.radius, reflecting, kept) for rho in albedos]
         offset = np.broadcast_to(np.asarray(ambient, np.float64), (primaries,))
