@@ -48,7 +48,8 @@ faults: $(TOOLS) ## Harm running shows in every way, and tell what is lost (five
 lint: $(TOOLS) ## Style, types and import contracts
 	@$(BIN)/ruff check .
 	@$(BIN)/ruff format --check .
-	@$(BIN)/mypy
+	@printf '%s\n' linux darwin win32 | xargs -P 2 -I '{}' \
+	    $(BIN)/mypy --platform '{}' --cache-dir .mypy_cache/'{}'
 	@$(BIN)/lint-imports
 
 validate: $(TOOLS) ## What may be believed: quick experiments and their report

@@ -2,7 +2,6 @@
 
 import gc
 import os
-import resource
 import sys
 
 _ENVIRONMENT = {
@@ -21,11 +20,13 @@ def main() -> None:
     """Run the command. Ctrl-C while it still loads is no traceback either."""
     for name, value in _ENVIRONMENT.items():
         os.environ.setdefault(name, value)
-    room = resource.getrlimit(resource.RLIMIT_AS)[0]
-    if room != resource.RLIM_INFINITY and room < _LEAST:  # libraries would end in a crash
+    from domesim.host.system import address_space  # noqa: PLC0415 - after the settings
+
+    room = address_space()
+    if room < _LEAST:  # libraries would end in a crash
         print(
-            f"domesim: wanted an address space of {_LEAST >> 10} kB at least, got {room >> 10}; "
-            f"raise it (ulimit -v)",
+            f"domesim: wanted an address space of {_LEAST >> 10} kB at least, "
+            f"got {room / 1024:.0f}; raise it (ulimit -v)",
             file=sys.stderr,
         )
         sys.exit(2)

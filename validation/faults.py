@@ -24,7 +24,9 @@ import numpy as np
 import psutil
 
 from domesim.frames import ColourTag, Frame, write_frame
-from domesim.host.endings import ENDINGS
+from domesim.host.system import ENDINGS
+
+assert sys.platform != "win32"  # whose processes cannot be harmed like these
 
 FRAMES, SIZE = 12, 64
 _OTHER = {"dome_planetarium": "dome_hemisphere", "stereo_cinema_silver": "stereo_polarised_paper"}

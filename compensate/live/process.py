@@ -8,9 +8,7 @@ whoever sends frames waits while all three threads are busy.
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import os
-import select
 import threading
 import time
 from collections import deque
@@ -22,6 +20,7 @@ from typing import Any, TypeAlias, final
 import numpy as np
 
 from domesim.errors import InputError
+from domesim.host import system
 
 Compensate: TypeAlias = Callable[[Any, int], Any]
 """Frame as it was read and its number -> the frame to write."""
@@ -120,17 +119,13 @@ def read_into(source: int, view: memoryview, sink: int | None = None) -> int:
         If nobody reads `sink` any more.
     """
     got = 0
-    poll = select.poll()
-    poll.register(source, select.POLLIN)
-    if sink is not None:
-        poll.register(sink, 0)  # errors only
     while got < len(view):
-        ready = dict(poll.poll(_WAIT * 1e3))
-        if sink is not None and ready.get(sink, 0) & (select.POLLERR | select.POLLHUP):
+        come, gone = system.ready(source, sink, _WAIT)
+        if gone:
             raise _GoneError
-        if source not in ready:
+        if not come:
             continue
-        count = os.readv(source, [view[got:]])
+        count = system.filled(source, view[got:])
         if not count:
             break
         got += count
@@ -161,8 +156,7 @@ def read_exactly(source: int, count: int, sink: int | None = None) -> bytearray:
 def widen(*pipes: int) -> None:
     """Lets pipes hold more, so that a frame takes fewer turns; others stay as they are."""
     for pipe in pipes:
-        with contextlib.suppress(OSError):
-            fcntl.fcntl(pipe, fcntl.F_SETPIPE_SZ, _PIPE)
+        system.widen(pipe, _PIPE)
 
 
 def read_line(source: int, longest: int, sink: int | None = None) -> bytes:

@@ -41,6 +41,7 @@ from domesim.frames.video import (
     video_of,
     video_size,
 )
+from domesim.host.system import in_memory
 from domesim.light.strips import all_within, converted
 
 
@@ -207,11 +208,11 @@ def _described_by_file(path: Path, form: Format, file: BinaryIO, *, header: bool
 
 def _reader_of(path: Path, form: Format | None) -> Any:
     if form is not None and form.stored_anew is not None:
-        with os.fdopen(os.memfd_create("stored-anew"), "rb+") as memory:
+        with in_memory() as (memory, place):
             memory.write(form.stored_anew)
             memory.flush()
             # The reader has it open by itself.
-            return _open_at(path, f"/proc/self/fd/{memory.fileno()}", form)
+            return _open_at(path, place, form)
     try:
         name = str(path).encode().decode()
     except UnicodeEncodeError:

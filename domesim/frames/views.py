@@ -8,7 +8,6 @@ back together the way it came.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, replace
@@ -46,6 +45,7 @@ from domesim.frames.stereo_exr import (
 )
 from domesim.frames.video import video_of
 from domesim.frames.writing import encoded, target_of
+from domesim.host.system import in_memory
 from domesim.host.writing import write_together
 
 Packing: TypeAlias = Literal[
@@ -464,10 +464,10 @@ def _read_mpo(path: Path, colour: ColourTag | None, *, taken: bool) -> tuple[Fra
 
 def _read_inner(path: Path, content: bytes, colour: ColourTag | None) -> Frame:
     """The frame of a file within `path`."""
-    with os.fdopen(os.memfd_create("view"), "rb+") as memory:
+    with in_memory() as (memory, name):
         memory.write(content)
         memory.flush()
-        place = Path(f"/proc/self/fd/{memory.fileno()}")
+        place = Path(name)
         try:
             frame = read_image(place, repair=False, colour=colour)
         except InputError as error:

@@ -7,13 +7,11 @@ file.
 
 from __future__ import annotations
 
-import os
 import re
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -32,6 +30,7 @@ from domesim.frames.halves import are_sound
 from domesim.frames.integrity import LARGEST_SIDE
 from domesim.frames.messages import problem_of
 from domesim.frames.orientation import UPRIGHT, turned_back
+from domesim.host.system import in_memory
 from domesim.host.writing import write_whole
 from domesim.light.strips import converted
 
@@ -353,10 +352,14 @@ def encode(path: Path, name: str, parts: Sequence[tuple[Any, NDArray[Any]]]) -> 
     """A file's bytes; several `parts` (specification, samples) only of a format of parts."""
     form, whole = FORMATS[name], parts[0][1]
     parts = [form.headed(*part) for part in parts]
-    with os.fdopen(os.memfd_create("frame"), "rb+") as memory, ExitStack() as stack:
-        place = f"/proc/self/fd/{memory.fileno()}"
-        if suffix := form.encoder_suffix(path):
-            place = stack.enter_context(_named(place, path, suffix))
+    with ExitStack() as stack:
+        try:
+            memory, place = stack.enter_context(in_memory(form.encoder_suffix(path)))
+        except OSError as error:
+            raise InputError(
+                f"{path}: wanted room for temporary files, got '{reason(error)}'. Free some space "
+                "there, or set TMPDIR."
+            ) from error
         writer = stack.enter_context(writer_of(name))
         # The first header describes all parts.
         header = parts[0][0] if len(parts) == 1 else tuple(spec for spec, _ in parts)
@@ -384,19 +387,3 @@ def writer_of(name: str) -> Iterator[Any]:
     writer: Any = oiio.ImageOutput.create(name)
     with closing(writer):
         yield writer
-
-
-@contextmanager
-def _named(place: str, path: Path, suffix: str) -> Iterator[str]:
-    """`place` under a name that ends so."""
-    try:
-        folder = TemporaryDirectory(prefix="domesim-")
-        link = Path(folder.name) / f"frame{suffix}"
-        link.symlink_to(place)
-    except OSError as error:
-        raise InputError(
-            f"{path}: wanted a folder for temporary files, got '{reason(error)}'. Free some space "
-            "there, or set TMPDIR."
-        ) from error
-    with folder:
-        yield str(link)

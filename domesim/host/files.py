@@ -11,6 +11,7 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from domesim.errors import InputError
+from domesim.host.system import BINARY, CLOEXEC, NONBLOCK
 
 LARGEST = 64 << 20
 """Bytes of a text: a thousand times what tables of readings take."""
@@ -40,7 +41,7 @@ def open_plain(path: Path, largest: int | None = None) -> io.BufferedReader:
         If there is none, or it cannot be read.
     """
     _require_plain(path, path.stat(), largest)  # devices may do something when they are opened
-    handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+    handle = os.open(path, os.O_RDONLY | NONBLOCK | CLOEXEC | BINARY)
     try:
         _require_plain(path, os.fstat(handle), largest)
         return os.fdopen(handle, "rb")

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import contextlib
-import ctypes
 import math
 from functools import cache
 from pathlib import Path
+
+from domesim.host.system import set_allocator
 
 _GROUPS = Path("/sys/fs/cgroup")
 _LIMITS = ("memory.max", "memory.high", "memory/memory.limit_in_bytes")  # of versions 2 and 1
@@ -32,10 +33,7 @@ def keep_freed_memory() -> None:
     and write would have heaps too small for large arrays, and keep none. So it is to be called
     before there are others.
     """
-    with contextlib.suppress(OSError, AttributeError):
-        library = ctypes.CDLL(None)
-        for number, value in _KEEPING.values():
-            library.mallopt(number, value)
+    set_allocator(dict(_KEEPING.values()))
 
 
 def limit_of_group() -> float:

@@ -30,6 +30,7 @@ import psutil
 
 from domesim.errors import InputError, NoPlaceError, reason
 from domesim.host.files import KEPT_OPEN, written_sums
+from domesim.host.system import BINARY, CLOEXEC, NOFOLLOW, NONBLOCK
 
 LIST = ".domesim"
 """Name of a folder's list of what the program wrote there; or of the mark of its own folder."""
@@ -407,9 +408,12 @@ def remove_own(folder: Path) -> None:
 # How.
 
 
+_PLAIN = NOFOLLOW | CLOEXEC | BINARY
+
+
 def _new(path: Path) -> int:
     """Descriptor of a file that nobody had."""
-    return os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, 0o666)
+    return os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | _PLAIN, 0o666)
 
 
 def _state(path: Path) -> _State | None:
@@ -433,7 +437,7 @@ def _followed(path: Path) -> tuple[int, int] | None:
 def _content_of(path: Path) -> bytes | None:
     """What a small regular file holds; None if there is none."""
     try:
-        handle = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
+        handle = os.open(path, os.O_RDONLY | NONBLOCK | _PLAIN)
     except OSError:
         return None
     status = os.fstat(handle)
@@ -458,7 +462,7 @@ def _note(path: Path, digest: str) -> None:
     if _state(place) is None:
         with suppress(FileExistsError):
             create(place, _HEAD)
-    handle = os.open(place, os.O_RDWR | os.O_APPEND | os.O_NOFOLLOW | os.O_NONBLOCK)
+    handle = os.open(place, os.O_RDWR | os.O_APPEND | NONBLOCK | _PLAIN)
     with os.fdopen(handle, "rb+", buffering=0) as file:
         if not file.read(len(_HEAD)) == _HEAD:
             raise FileExistsError(errno.EEXIST, f"another {LIST} in its folder")

@@ -10,8 +10,6 @@ changes, for commands that wait for its frames (`claims`).
 
 from __future__ import annotations
 
-import errno
-import fcntl
 import json
 import os
 import secrets
@@ -27,6 +25,7 @@ from typing import Any, final
 import psutil
 
 from domesim.errors import InputError
+from domesim.host.system import locked
 from domesim.host.writing import processes_seen, write_whole
 
 _PATIENCE = 30.0  # s: another command looks at the settings and writes them in milliseconds
@@ -35,7 +34,6 @@ BEAT = 15.0
 """Seconds from beat to beat."""
 LEASE = 90.0
 """Seconds without a beat after which a command counts as gone."""
-_UNSUPPORTED = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP)
 
 
 @final
@@ -59,7 +57,7 @@ class Clients:
 
     def enter_alone(self) -> bool:
         """Takes the lock alone, if it is free."""
-        if self._take(fcntl.LOCK_EX) is False:
+        if locked(self._lock, alone=True) is False:
             return False
         for left in self._folder.glob("*.json"):
             # Others may work there: some file systems keep locks for each machine alone
@@ -77,7 +75,7 @@ class Clients:
             If another one has it alone for long.
         """
         sure = time.monotonic() + _PATIENCE
-        while self._take(fcntl.LOCK_SH) is False:
+        while locked(self._lock, alone=False) is False:
             if time.monotonic() >= sure:
                 raise InputError(
                     f"{self._folder}: wanted to look at the job's settings, got no answer from "
@@ -136,18 +134,6 @@ class Clients:
         with suppress(OSError):
             self._own.unlink(missing_ok=True)
         os.close(self._lock)
-
-    def _take(self, how: int) -> bool | None:
-        """Whether the lock was free; None where there are none."""
-        try:
-            fcntl.flock(self._lock, how | fcntl.LOCK_NB)
-        except BlockingIOError:
-            return False
-        except OSError as error:
-            if error.errno not in _UNSUPPORTED:
-                raise
-            return None  # a second command is told of the first by the settings alone
-        return True
 
 
 def _here() -> dict[str, str]:

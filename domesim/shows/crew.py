@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-import errno
 import logging
-import resource
 import socket
 import warnings
 from collections.abc import Callable, Iterator
@@ -21,6 +19,7 @@ from domesim.frames.messages import joined
 from domesim.host.console import complain
 from domesim.host.endings import ignored
 from domesim.host.memory import KEEPS_FREED_MEMORY
+from domesim.host.system import require_handles
 from domesim.shows.job import versions
 
 Client: TypeAlias = Any
@@ -138,11 +137,7 @@ def _own_workers(crew: Crew) -> Iterator[Client]:
 def _require_handles(workers: int) -> None:
     """Refuses more workers than there are file handles for: they would wait forever."""
     needed = _HANDLES * (workers + _HANDLES)
-    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-    if hard != resource.RLIM_INFINITY and hard < needed:
-        raise OSError(errno.EMFILE, f"{hard} file handles instead of {needed} (ulimit -n)")
-    if soft != resource.RLIM_INFINITY and soft < needed:
-        resource.setrlimit(resource.RLIMIT_NOFILE, (needed, hard))
+    require_handles(needed)
 
 
 def _require_locks() -> None:

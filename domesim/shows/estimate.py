@@ -6,7 +6,6 @@ video. Both are made by the command itself, one after the other.
 
 from __future__ import annotations
 
-import resource
 import tempfile
 import time
 from collections.abc import Sequence
@@ -20,6 +19,7 @@ from domesim.frames import ColourTag
 from domesim.host.console import Console, complain, duration, sized
 from domesim.host.cores import cores
 from domesim.host.numbers import decimal
+from domesim.host.system import peak_memory
 from domesim.shows.checksums import sha256
 from domesim.shows.cinema import becoming
 from domesim.shows.film import Films, encoding_of
@@ -139,7 +139,7 @@ def estimate(
         if isinstance(films, Films) and not show.part:
             video = _video(tried, films, count, Path(scratch), console)
     peak = max(each.maker["peak"] for each in tried.frames.values())
-    own = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+    own = peak_memory()
     steady, first = _steady(list(tried.frames.values()))
     figures = {
         "frames": count,

@@ -2,7 +2,7 @@
 
 import signal
 
-from domesim.host.endings import ENDINGS
+from domesim.host.system import ENDINGS
 from domesim.shows.crew import be_quiet
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import re
-import resource
 import threading
 import time
 from collections import Counter
@@ -27,6 +26,7 @@ from domesim.frames.video import video_of
 from domesim.host.console import Console, complain, sized
 from domesim.host.cores import cores
 from domesim.host.memory import limit_of_group
+from domesim.host.system import address_space
 from domesim.host.writing import note_written, prepare, prepare_folder
 from domesim.shows.alone import alone
 from domesim.shows.checksums import sha256
@@ -588,8 +588,7 @@ def needed_memory(recipe: Recipe, show: Show) -> int | None:
 
 def free_memory() -> int:
     """Returns the memory that this process can still take, bytes."""
-    limit, _ = resource.getrlimit(resource.RLIMIT_AS)
-    left = inf if limit == resource.RLIM_INFINITY else limit - psutil.Process().memory_info().vms
+    left = address_space() - psutil.Process().memory_info().vms
     return max(0, int(min(psutil.virtual_memory().available, limit_of_group(), left)))
 
 

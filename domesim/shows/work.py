@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import hashlib
 import os
-import resource
 import socket
 import sys
 import tempfile
@@ -33,6 +32,7 @@ from domesim.frames.reading import size_of, unsaid
 from domesim.frames.views import made_for
 from domesim.host.console import about
 from domesim.host.numbers import decimal
+from domesim.host.system import peak_memory
 from domesim.shows.job import Job, Record, versions
 from domesim.shows.show import Show
 from domesim.shows.small import small_of, write_small
@@ -547,7 +547,7 @@ def _maker() -> dict[str, Any]:
         "host": socket.gethostname(),
         "pid": os.getpid(),
         "resident": psutil.Process().memory_info().rss,
-        "peak": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024,
+        "peak": peak_memory(),
     }
 
 

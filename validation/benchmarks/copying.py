@@ -8,7 +8,7 @@ machine's speed changes within minutes.
 from __future__ import annotations
 
 import json
-import resource
+import os
 import subprocess
 import tempfile
 import time
@@ -168,5 +168,5 @@ def _copy(master: Path, copied: Path) -> None:
 
 def _of_children() -> float:
     """Core-seconds of all processes that this one has waited for."""
-    used = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return used.ru_utime + used.ru_stime
+    used = os.times()
+    return used.children_user + used.children_system

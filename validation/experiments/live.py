@@ -285,7 +285,7 @@ def _rate(name: str, rows: int, cols: int, device: str, frames: int = 30) -> Rat
     engine(film[0], 0)
     times = [_seconds(partial(engine, film[k % 6], k)) for k in range(frames)]
     frame, cores = np.median(times, axis=0)
-    return Rate(float(frame), float(cores), copying(codes.nbytes), os.getloadavg()[0])
+    return Rate(float(frame), float(cores), copying(codes.nbytes), psutil.getloadavg()[0])
 
 
 def _seconds(work: Callable[[], Any]) -> tuple[float, float]:

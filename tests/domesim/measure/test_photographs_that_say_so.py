@@ -10,7 +10,9 @@ from icc_profiles import SRGB_CURVE, icc_profile, linear
 from image_files import store
 
 from domesim.errors import InputError
-from domesim.measure.dome.file import _light
+from domesim.measure.dome.file import CameraSection, _light
+
+CAMERA = CameraSection(mapping="domemaster")
 
 
 def photograph(path: Path, **said: object) -> Path:
@@ -22,8 +24,8 @@ def test_a_photograph_with_a_curve_is_refused_at_once(tmp_path: Path) -> None:
         profile = icc_profile("made", "BT.709", curve)
         path = photograph(tmp_path / name, ICCProfile=(f"uint8[{profile.size}]", profile))
         if name == "linear.tif":
-            assert _light(path)[0, 0] == pytest.approx(20000 / 65535)
+            assert _light(path, CAMERA)[0, 0] == pytest.approx(20000 / 65535)
         else:
             with pytest.raises(InputError, match=r"wanted a linear photograph, got sRGB"):
-                _light(path)
-    assert _light(photograph(tmp_path / "silent.tif")).shape == (8, 8, 3)
+                _light(path, CAMERA)
+    assert _light(photograph(tmp_path / "silent.tif"), CAMERA).shape == (8, 8, 3)

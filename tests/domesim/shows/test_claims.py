@@ -240,7 +240,7 @@ def test_a_lock_that_another_machine_does_not_see_ends_no_command_there(
     with clients_of(tmp_path) as first:
         assert claims_of(tmp_path, first).take("a")
         monkeypatch.setattr(clients.socket, "gethostname", lambda: "here")
-        monkeypatch.setattr(clients.fcntl, "flock", lambda lock, how: None)
+        monkeypatch.setattr(clients, "locked", lambda lock, alone: True)
         with clients_of(tmp_path) as second:
             assert second.enter_alone()
             assert not claims_of(tmp_path, second).take("a")
