@@ -495,7 +495,7 @@ def test_a_full_disk(run: Run, tmp_path: Path, small_disk: Path) -> None:
     (tmp_path / "s").mkdir()
     for number in range(1, 7):
         store(tmp_path / "s" / f"show.{number}.png", picture(64, 64), "uint16")
-    small_disk.joinpath("filler").write_bytes(bytes(12 * 1024))
+    small_disk.joinpath("filler").write_bytes(bytes(8 * 1024))
     outcome = observed(run, small_disk, DOME, tmp_path / "s" / "show.#.png", "--workers", 0)
     assert outcome.code == 2
     names = [f"show.{number}.png" for number in range(1, 7)]
