@@ -361,6 +361,8 @@ class PlainRuler:
         """
         (rows, cols), columns = self._screen.shape, Columns(self._screen)
         weights = self._star_weights
+        if min(rows, cols) < _BLOCK:
+            return np.zeros(0, np.intp), np.zeros(0, np.intp)
 
         def look(_: int, blocks: slice) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
             some = slice(_BLOCK * blocks.start, _BLOCK * blocks.stop)
