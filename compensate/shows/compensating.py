@@ -16,7 +16,7 @@ from compensate.fourier import transforms
 from compensate.master import Solution, solve_frame
 from compensate.methods import Solver, perceptual, require_method
 from compensate.pose import Eye, Posed, Stage
-from compensate.ruler import NO_DIFFERENCE, agreeing, compared
+from compensate.ruler import NO_DIFFERENCE, PEOPLE_SAY, agreeing, compared
 from compensate.shows.films import films_lost
 from compensate.shows.over_time import timeline
 from compensate.solve import solved
@@ -305,6 +305,7 @@ class Compensating(Recipe):
 
         return films_lost(map(shown, masters), rate)
 
+    film_note = PEOPLE_SAY
     compares = True
 
     def command(self) -> str:

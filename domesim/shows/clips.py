@@ -57,6 +57,8 @@ def judge_clips(report: Report, orders: Sequence[Order], count: int, console: Co
     for film in report.films:
         told = ", ".join(f"{way} {lost:.2f}" for way, lost in film.lost.items())
         console.say(f"{film.first} to {film.last}, as a film: {told} JOD lost")
+    report.film_note = orders[0].recipe.film_note
+    console.say(report.film_note)
     return []
 
 

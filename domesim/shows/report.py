@@ -107,6 +107,8 @@ class Report:
         """What the last page warns of, one a line."""
         self.films: list[Clip] = []
         """Clips that were judged as films, the worst first."""
+        self.film_note = ""
+        """How far that may be believed."""
         self._left_out: set[str] = set()
         self._films: dict[str, str] = {}
 
@@ -232,6 +234,7 @@ class Report:
             timeline=self._over_time(rows) if state != "running" else None,
             warnings=self.warnings,
             films=self.films,
+            film_note=self.film_note,
             ends=[*rows][:1] + [*rows][-1:],
             verdicts=self._verdicts(rows.values()),
             small=self._recipe.small,

@@ -223,6 +223,8 @@ class Recipe(ABC):
         """
         raise NotImplementedError
 
+    film_note = ""
+    """How far what `film` says may be believed, in a sentence."""
     compares = False
     """Whether there are pages that compare what may be done with a master, and films of it."""
 

@@ -56,12 +56,14 @@ def test_the_worst_clip_is_judged_and_told(
     done = run("compensate", masters, *options, "--films", "1")
     assert done.code == 0
     assert "m.049.exr to m.120.exr, as a film: as shown" in done.out
+    assert done.out.count("people order 51 of 100 pairs as it does") == 1
     frames = {count for count, *_ in judged}
     assert frames == {72}  # the fifth second is the last clip's
     assert {rate for *_, rate in judged} == {RATE}
     assert min(density for _, density, _ in judged) >= 2
     report = (out / "job/report.html").read_text()
     assert "<h2>Worst seconds</h2>" in report
+    assert "people order 51 of 100 pairs as it does" in report
     assert 'm.049.exr to m.120.exr</td><td data-title="From, s">2.0</td>' in report
     assert "Untouched<br><small>JOD lost" in report
     both = run("compensate", masters, *options, "--films", "9")
