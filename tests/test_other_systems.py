@@ -26,7 +26,7 @@ COMMANDS = {
     "shader": ("shader", *SCENE, "--size", "48x48", "--out", "out/show.glsl"),
     "doctor": ("doctor",),
 }
-QUICK = ("sequence", "8 bits")
+QUICK = ("sequence",)
 LONG = [name for name in COMMANDS if name not in QUICK]
 
 

@@ -40,7 +40,7 @@ BALANCED: dict[str, Callable[[], Theatre]] = {
         for name in ("dome_planetarium", "dome_imax", "dome_led", "dome_dark", "dome_hemisphere")
     },
 }
-QUICK = ("box in the beam", "floor in the beam", "behind holes", "hiding", "cavity")
+QUICK = ("floor in the beam", "hiding", "cavity")
 
 
 @pytest.mark.parametrize("name", QUICK)

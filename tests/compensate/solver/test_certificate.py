@@ -190,7 +190,7 @@ def least(name: str, setting: Setting, problem: Problem) -> float:
 def cases():
     """Classes, precisions, and how many problems of each; the long ones are more than 1000."""
     for name in CLASSES:
-        for precision, few, many in ((np.float64, 8, 91), (np.float32, 2, 15)):
+        for precision, few, many in ((np.float64, 4, 95), (np.float32, 1, 16)):
             yield pytest.param(name, precision, few)
             yield pytest.param(name, precision, many, marks=pytest.mark.long)
 

@@ -34,9 +34,8 @@ adaptation_cd_m2 = 5.0
 """
 
 
-@pytest.mark.parametrize(
-    "noise", [Noise(0.003, 0.005), pytest.param(Noise(0.01, 0.0003), marks=pytest.mark.long)]
-)
+@pytest.mark.long
+@pytest.mark.parametrize("noise", [Noise(0.003, 0.005), Noise(0.01, 0.0003)])
 def test_pairs_by_readings(tmp_path, noise):
     """The rig is as it is, and readings are noisy, black's or all: each time another scene."""
     rig = Rig(noise=noise, repeats=3, ramps=False)

@@ -93,7 +93,7 @@ def _few_nodes(monkeypatch):
 
 
 @pytest.mark.usefixtures("_few_nodes")
-@pytest.mark.parametrize("name", ["booth", "lamp housing"])
+@pytest.mark.parametrize("name", ["booth", pytest.param("lamp housing", marks=pytest.mark.long)])
 def test_no_solid_is_left_out_for_its_name(name):
     box = Solid(name, SPECK.vertices * [500, 1, 500] + [-1.0, -2.0, 0.5], SPECK.faces, BLACK)
     theatre = Theatre(Dome(3.0, np.pi / 2), GREY, floor=Floor(0.0, 3.0, GREY), solids=(box,))
@@ -132,6 +132,7 @@ def test_lamps_are_seen(screened, backwards):
     assert abs(col.mean() - 79.5) < 0.3
 
 
+@pytest.mark.long
 def test_a_tall_dome_is_tabulated():
     """It has more screen than its sphere, so the closed form refuses it and sends people here."""
     theatre = Theatre(Dome(3.0, np.pi / 2, height_ratio=4.0), GREY)

@@ -519,7 +519,7 @@ def test_a_deadly_frame_is_given_up_and_named(tmp_path: Path, recipe: Harmful) -
     assert "given up" in report
 
 
-@pytest.mark.parametrize("holding", [False, True])
+@pytest.mark.parametrize("holding", [False, pytest.param(True, marks=pytest.mark.long)])
 def test_a_frame_without_end_is_given_up_and_named(
     tmp_path: Path, recipe: Harmful, *, holding: bool
 ) -> None:
@@ -569,6 +569,7 @@ def test_a_worker_that_stands_still_is_given_up(
     assert is_whole(tmp_path, 4)
 
 
+@pytest.mark.long
 def test_a_worker_that_stands_still_at_the_end_is_ended(tmp_path: Path, recipe: Harmful) -> None:
     """Python waits for its children when it ends."""
     make_show(tmp_path / "in", 3)

@@ -148,6 +148,7 @@ def encrypted(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
             worker.terminate()
 
 
+@pytest.mark.long
 def test_the_farm_of_the_docs_is_encrypted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     make_show(tmp_path / "in", 2)
     (tmp_path / "log").mkdir()
