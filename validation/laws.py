@@ -12,8 +12,7 @@ has them all; property tests ask them of random pictures, `quality` of all of it
     dark    ... and the darker half never is
     exact   what subtraction shows exactly stays as it is
     limb    around a smooth ball light is monotone where the master's is
-    steps   two neighbouring codes of a master of 8 bits differ by no more than a visible step, or
-            the product tells that the master is too coarse
+    steps   neighbouring codes of 8 bits are no visible step apart, or the product says they are
 """
 
 from __future__ import annotations
