@@ -122,8 +122,8 @@ def run(work: Work) -> Finding:
         (theatre, name): work.step(
             f"{theatre} {name}", Case, partial(checked, theatre, name, error, work.seed + 1)
         )
-        for theatre in THEATRES
-        for name in SHOWS
+        for theatre in (THEATRES[:2] if work.quick else THEATRES)
+        for name in (SHOWS[:1] if work.quick else SHOWS)
     }
     off = {case: each.traced - each.promised for case, each in found.items()}
     worst = max(off, key=lambda case: abs(off[case]))
@@ -136,6 +136,7 @@ def run(work: Work) -> Finding:
         checks=tuple(_check(case, off[case]) for case in found),
         tables=(_table(found),),
         figures={"advice.off": max(map(abs, off.values()))},
+        left_out=(f"{THEATRES[-1]}, and {SHOWS[-1]}: with a full run",) if work.quick else (),
     )
 
 
