@@ -15,7 +15,7 @@ from documented import ROOT
 from other_system import MISSING, OURS
 from stored_masters import store
 
-SYSTEMS = ("darwin", "win32")
+SYSTEMS = ("win32", pytest.param("darwin", marks=pytest.mark.long))
 SCENE = ("--scene", "dome_hemisphere")
 COMMANDS = {
     "still": ("compensate", "show.1.exr", *SCENE, "--out", "out"),

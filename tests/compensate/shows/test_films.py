@@ -41,6 +41,7 @@ def masters(tmp_path: Path) -> Path:
     return tmp_path / "m.###.exr"
 
 
+@pytest.mark.long
 def test_the_worst_clip_is_judged_and_told(
     masters: Path, run: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -74,7 +75,7 @@ def test_without_the_judge_all_else_is_done(
     masters: Path, run: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     library.cache_clear()
-    monkeypatch.setitem(sys.modules, "torch", None)
+    monkeypatch.setitem(sys.modules, "pycvvdp", None)
     out = masters.parent / "out"
     options = ("--scene", DOME, "--out", out, "--workers", "0", "--pages", "0")
     done = run("compensate", masters, *options, "--frames", "1-3", "--films", "1")

@@ -431,6 +431,7 @@ def test_radiosity_is_of_the_same_opinion(hall: tuple[Path, dict[str, Any]]) -> 
     assert apart < 4 * figures["relative_error"] + 5e-4  # what six rings of patches cost
 
 
+@pytest.mark.long
 def test_paths_are_told_where_there_were_some(folder: Path) -> None:
     """A floor that meets the screen is known by radiosity alone; the second opinion is of paths."""
     scene = folder / "sunk.toml"
