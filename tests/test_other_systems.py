@@ -15,19 +15,25 @@ from documented import ROOT
 from other_system import MISSING, OURS
 from stored_masters import store
 
-SYSTEMS = ("win32", pytest.param("darwin", marks=pytest.mark.long))
 SCENE = ("--scene", "dome_hemisphere")
 COMMANDS = {
     "still": ("compensate", "show.1.exr", *SCENE, "--out", "out"),
     "sequence": ("compensate", "show.#.exr", *SCENE, "--out", "out", "--workers", "2"),
-    "8 bits": ("compensate", "show.1.exr", *SCENE, "--format", "j2k", "--out", "out"),
+    "JPEG 2000": ("compensate", "show.1.exr", *SCENE, "--format", "j2k", "--out", "out"),
     "observe": ("observe", "show.1.exr", *SCENE, "--out", "out"),
     "compare": ("compare", "show.1.exr", *SCENE, "--out", "out.html"),
     "shader": ("shader", *SCENE, "--size", "48x48", "--out", "out/show.glsl"),
     "doctor": ("doctor",),
 }
-QUICK = ("sequence",)
-LONG = [name for name in COMMANDS if name not in QUICK]
+TRIED = [
+    ("win32", "sequence"),
+    pytest.param("darwin", "sequence", marks=pytest.mark.long),  # it lacks less
+    *(
+        pytest.param("win32", name, marks=pytest.mark.long)
+        for name in COMMANDS
+        if name != "sequence"
+    ),
+]
 
 
 @pytest.fixture
@@ -48,16 +54,14 @@ def run_as(system: str, folder: Path, *arguments: str) -> subprocess.CompletedPr
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("system", SYSTEMS)
-@pytest.mark.parametrize(
-    "name", [*QUICK, *(pytest.param(name, marks=pytest.mark.long) for name in LONG)]
-)
+@pytest.mark.parametrize(("system", "name"), TRIED)
 def test_a_command_works(system: str, name: str, folder: Path) -> None:
     done = run_as(system, folder, *COMMANDS[name])
     assert done.returncode == 0, done.stdout + done.stderr
     results = {
         path.name: path.read_bytes() for path in folder.glob("out/[!.]*.*") if path.is_file()
     }
+    assert results or name in ("compare", "doctor")
     if results:
         shutil.rmtree(folder / "out")
         assert run_as("", folder, *COMMANDS[name]).returncode == 0
@@ -65,9 +69,8 @@ def test_a_command_works(system: str, name: str, folder: Path) -> None:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("system", SYSTEMS)
-def test_the_demo_works(system: str, folder: Path) -> None:
-    done = run_as(system, folder, "demo", "--out", "demo")
+def test_the_demo_works(folder: Path) -> None:
+    done = run_as("win32", folder, "demo", "--out", "demo")
     assert done.returncode == 0, done.stdout + done.stderr
     assert (folder / "demo/compare.html").exists()
 
