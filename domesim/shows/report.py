@@ -109,12 +109,14 @@ class Report:
         """Clips that were judged as films, the worst first."""
         self.film_note = ""
         """How far that may be believed."""
+        self._drawn: dict[str, str] | None = None
         self._left_out: set[str] = set()
         self._films: dict[str, str] = {}
 
     def leave_out(self, names: Iterable[str]) -> None:
         """Leaves out results by the names of their records: the show has no such frames now."""
         self._left_out.update(names)
+        self._drawn = None
 
     def add_films(self, sums: Mapping[Path, str]) -> None:
         """Adds the SHA-256 of videos that were made of the frames."""
@@ -124,6 +126,7 @@ class Report:
     def add(self, order: Order, outcome: Finished | Failed) -> None:
         """Adds a frame that has ended."""
         self._outcomes[order.output[0].name] = outcome
+        self._drawn = None
         self._unchecked.discard(order.output[0].name)
         self._new += not (isinstance(outcome, Finished) and outcome.kept)
         if time.time() - self._written > EVERY:
@@ -251,6 +254,8 @@ class Report:
 
     def _over_time(self, rows: Mapping[str, dict[str, Any]]) -> dict[str, str] | None:
         """Draws the show over its time; None where there is nothing to draw."""
+        if self._drawn is not None:
+            return self._drawn
         names, self.warnings = list(rows), []
         numbers = [re.findall(r"\d+", Path(name).stem) for name in names]
         if not all(numbers):
@@ -260,8 +265,8 @@ class Report:
         with suppress(LookupError, TypeError, AttributeError):  # of another version
             if timeline := self._recipe.over_time(frames, seconds):
                 self.warnings = [named(alarm, names) for alarm in timeline.alarms]
-                return {"svg": drawn(timeline, seconds), "note": timeline.note}
-        return None
+                self._drawn = {"svg": drawn(timeline, seconds), "note": timeline.note}
+        return self._drawn
 
     def _others(self, rows: Iterable[Mapping[str, Any]]) -> list[tuple[int, str]]:
         """Counts frames that other settings than the job's made, each with its settings' file."""

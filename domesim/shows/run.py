@@ -249,6 +249,31 @@ def _each(
     done.seconds["total"] = time.perf_counter() - began
     if report is None or job is None:
         return done
+    with shared.alone(report.page.name) as alone:
+        if alone:
+            _finish(orders, job, report, done, running, console, films)
+        else:
+            console.say("Another command that works here makes the report")
+            done.report = report.page
+    kept = f", {done.kept} of them before" if done.kept else ""
+    others = sum(frame["settings"] != job.settings for frame in done.frames)
+    kept += f", {others} of them with other settings" if others else ""
+    ending = "" if done.report is None else f" Report: {done.report}"
+    console.say(f"{len(done.frames)} of {len(orders)} frames are done{kept}.{ending}")
+    return done
+
+
+def _finish(
+    orders: list[Order],
+    job: Job,
+    report: Report,
+    done: Done,
+    running: Running,
+    console: Console,
+    films: Films | Cinema | None,
+) -> None:
+    """Make what is made of all frames together: the report, videos, pages."""
+    recipe, part = orders[0].recipe, orders[0].show.part
     if not part:
         _tell_left_over(orders, job, report, running, console)
     done.add_report(report)
@@ -262,12 +287,6 @@ def _each(
         done.failed += _compare(report.worst(pages_of(running, len(orders))), recipe, console)
         done.failed += judge_clips(report, orders, running.clips, console)
         done.add_report(report)
-    kept = f", {done.kept} of them before" if done.kept else ""
-    others = sum(frame["settings"] != job.settings for frame in done.frames)
-    kept += f", {others} of them with other settings" if others else ""
-    ending = "" if done.report is None else f" Report: {done.report}"
-    console.say(f"{len(done.frames)} of {len(orders)} frames are done{kept}.{ending}")
-    return done
 
 
 def _rate(orders: Sequence[Order], films: Films | Cinema | None) -> float:
@@ -399,6 +418,19 @@ class _Shared:
         """Removes what killed commands left of frames that have ended."""
         if self._claims is not None and self._telling.has_all(orders):
             self._claims.tidy(order.output[0].name for order in orders)
+
+    @contextmanager
+    def alone(self, what: str) -> Iterator[bool]:
+        """Whether this command makes something of all frames; if not, another one is at it."""
+        if self._claims is None:
+            yield True
+            return
+        mine = self._claims.take(what)
+        try:
+            yield mine
+        finally:
+            if mine:
+                self._claims.give_back(what)
 
     def left(self, console: Console) -> list[Order]:
         """Waits for frames that other commands do; returns those that they left."""

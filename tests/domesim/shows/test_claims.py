@@ -127,6 +127,25 @@ def test_two_commands_share_the_frames(tmp_path: Path) -> None:
     assert min(pids.values()) >= FRAMES // 4, pids
 
 
+def test_one_command_alone_makes_the_report(tmp_path: Path) -> None:
+    make_show(tmp_path / "in", 2)
+    recipe = harmful_in(tmp_path)
+    page = copied(tmp_path, recipe, 0).report
+    assert page is not None
+    sums = page.with_name("SHA256SUMS")
+    sums.unlink()
+    with clients_of(page.parent) as other:
+        theirs = claims_of(page.parent, other)
+        assert theirs.take(page.name)
+        done = copied(tmp_path, recipe, 0)
+        assert (len(done.frames), done.failed, done.report) == (2, [], page)
+        assert not sums.exists()
+        theirs.give_back(page.name)
+        copied(tmp_path, recipe, 0)
+        assert sums.exists()
+        assert theirs.take(page.name)
+
+
 @pytest.mark.parametrize("killed", [False, True])
 def test_commands_that_have_a_folder_by_two_ways_divide_its_frames(
     tmp_path: Path, killed: bool, monkeypatch: pytest.MonkeyPatch
