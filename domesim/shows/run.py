@@ -220,7 +220,7 @@ def _each(
     films: Films | Cinema | None,
 ) -> Done:
     """Do all frames of a job, and what is made of them together."""
-    recipe, part = orders[0].recipe, orders[0].show.part
+    part = orders[0].show.part
     fresh, recorded = _by_record(orders, job)
     report = (
         None
