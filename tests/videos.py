@@ -33,6 +33,8 @@ class Kind:
 
 
 def x265(options: str) -> dict[str, str]:
+    """With B-frames only if `options` say so: x265 invents times for films that are too short."""
+    options = options if "bframes=" in options else f"{options}:bframes=0"
     return {"x265-params": f"{options}:scenecut=0:pools=1:frame-threads=1:log-level=none"}
 
 

@@ -311,7 +311,8 @@ def test_what_h264_says_of_its_range_goes_before_its_container(tmp_path: Path) -
 @pytest.mark.parametrize("count", [1, 2, 3, 4])
 @pytest.mark.parametrize("codec", ["libx264", "libx265"])
 def test_a_matroska_of_few_frames_has_all_of_them(tmp_path: Path, count: int, codec: str) -> None:
-    options = {"libx264": x264("bframes=2"), "libx265": x265("bframes=2")}[codec]
+    several = f"bframes={2 if count > 2 else 0}"
+    options = {"libx264": x264("bframes=2"), "libx265": x265(several)}[codec]
     path = write_numbered(tmp_path / "in.mkv", Kind(".mkv", codec, "yuv420p", options), count)
     frames = frame_paths(path)
     assert [number_of(read_frame(each).pixels) for each in frames] == [*range(1, count + 1)]
