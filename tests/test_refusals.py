@@ -113,6 +113,16 @@ def test_a_bad_transport(run: Run, tmp_path: Path, out: Path, path: tuple[str, .
     assert not any(path.is_file() for path in out.rglob("*"))
 
 
+@pytest.mark.parametrize("path", takes("scheduler"), ids=name_of)
+def test_a_films_name_for_a_folder(
+    run: Run, tmp_path: Path, out: Path, path: tuple[str, ...]
+) -> None:
+    master = store(tmp_path / "m.exr")
+    refused = run(*called(path, out / "film.mov", master=master))
+    refused.is_refused("film.mov: wanted a folder", f"--out {out / 'film'})")
+    assert not (out / "film.mov").exists()
+
+
 @pytest.mark.parametrize("path", COMMANDS, ids=name_of)
 def test_a_bad_option(run: Run, out: Path, path: tuple[str, ...]) -> None:
     """Typer's own message, of more lines than one."""

@@ -14,6 +14,7 @@ from domesim.errors import InputError
 from domesim.frames.encodings import ENCODINGS, encoding_named
 from domesim.frames.film import FILMS
 from domesim.frames.formats import SUFFIXES, WRITTEN
+from domesim.frames.video import SUFFIXES as VIDEOS
 from domesim.host.console import Console
 from domesim.scene import Scene
 from domesim.shows.cinema import SUFFIX as CINEMA
@@ -61,6 +62,15 @@ class Masters:
             show_default=False,
         ),
     ] = None
+    layer: Annotated[
+        str | None,
+        typer.Option(
+            "--layer",
+            help="Which layer of an EXR, such as ViewLayer.Combined, or which of its parts, by "
+            "name or number from 0, if several have R, G and B.",
+            show_default=False,
+        ),
+    ] = None
     encoding: Annotated[
         str | None,
         typer.Option(
@@ -100,6 +110,7 @@ class Masters:
             self.left,
             self.right,
             packing=self.packing,
+            layer=self.layer,
             frames=frames,
             allow_identical=self.allow_identical,
             encoding=self.encoding,
@@ -260,7 +271,13 @@ class Doing:
             For how many of the worst frames a page is written, as for `Running`.
         clips
             How many of the worst clips are judged as films.
+
+        Raises
+        ------
+        InputError
+            If the folder has a picture's or film's name; as for `each_frame`.
         """
+        _require_folder(self.out)
         running = Running(
             self.workers,
             self.threads,
@@ -281,6 +298,17 @@ class Doing:
         )
         summed = {} if summary is None else summary(done)
         finish(console, {**facts, **summed, **_frames_figures(done)}, done.failed)
+
+
+def _require_folder(out: Path) -> None:
+    """Refuses to make a folder that has the name of a picture or film."""
+    suffix = out.suffix.lower()
+    if suffix in (*SUFFIXES, *VIDEOS) and not out.is_dir():
+        kind = "film" if suffix in VIDEOS else "picture"
+        raise InputError(
+            f"--out {out}: wanted a folder for the results, got a {kind}'s name. Name a folder "
+            f"(--out {out.parent / out.stem})"
+        )
 
 
 def suffix_of(file_format: str | None) -> str | None:

@@ -2,7 +2,7 @@
 
 Image formats say it each in its way (``formats``), a video by what FFmpeg calls AVStereo3D:
 Matroska's StereoMode, MP4's st3d, frame packing of H.264 and HEVC. An EXR has views, which have
-names (``stereo_exr.py``).
+names (``exr_parts.py``).
 """
 
 from __future__ import annotations

@@ -78,19 +78,22 @@ def read_image(
     signed: bool = False,
     halves: bool = False,
     colour: ColourTag | None = None,
+    layer: str | None = None,
 ) -> Frame:
-    """`read_frame`; with `grey`, an EXR whose only picture is a channel Y is R = G = B = Y.
+    """`read_frame`, of a `layer` of an EXR.
 
+    With `grey`, an EXR whose only picture is a channel Y is R = G = B = Y.
     With `signed`, negative samples are no damage: a camera's black level is subtracted from noise.
     With `halves`, what is stored as half stays half, in half the memory.
     """
     with enough_memory(path):
         if video_of(path) is not None:
+            refuse_layer(path, layer, "a video")
             return read_video_frame(path, colour=colour)
         with opened(path) as (reader, form):
             if form.channels == "any":  # its picture may not be the first part
                 refuse_several_images(path, reader)
-            layout = layout_of(path, reader, form, grey=grey, colour=colour)
+            layout = layout_of(path, reader, form, grey=grey, colour=colour, layer=layer)
             samples = read_channels(path, reader, layout)
             refuse_several_images(path, reader)
         return frame_of(path, layout, samples, repair=repair, signed=signed, halves=halves)
@@ -296,8 +299,9 @@ def layout_of(
     view: View | None = None,
     grey: bool = False,
     colour: ColourTag | None = None,
+    layer: str | None = None,
 ) -> Layout:
-    """Where the samples of the reader's present part are, or of one `view` of it.
+    """Where the samples of the reader's present part are, or of one `view` of it, or one `layer`.
 
     Their encoding is `colour`, or the file's.
     """
@@ -309,11 +313,15 @@ def layout_of(
     channels, places, named = channels_of(path, spec), tuple(range(spec.nchannels)), ""
     if view is not None:
         channels, places, named = tuple(view.channels.values()), tuple(view.channels), view.name
-    rgb = find_grey(channels) if grey and form.channels == "any" else None
-    notes = list(form.notes)
-    if rgb is None and view is None and form.channels == "any":
-        rgb, layer = _find_layer(channels)
-        notes += [f"layer {layer}"] if layer else []
+    if form.channels != "any":
+        refuse_layer(path, layer, form.label)
+    rgb = find_grey(channels) if grey and layer is None and form.channels == "any" else None
+    notes, found = list(form.notes), layer
+    if layer is not None:
+        rgb = _layer(path, channels, layer)
+    elif rgb is None and view is None and form.channels == "any":
+        rgb, found = _find_layer(channels)
+    notes += [f"layer {found}"] if found else []
     if rgb is None:
         rgb = _find_rgb(path, spec.get_string_attribute(f"{form.name}:ColorSpace"), channels, named)
     kinds = tuple(kinds_of(spec)[place] for place in places)
@@ -457,13 +465,39 @@ def _find_layer(channels: tuple[str, ...]) -> tuple[tuple[int, int, int] | None,
         return None, ""
     if all(upper.count(axis) == 1 for axis in "XYZ"):
         return (upper.index("X"), upper.index("Y"), upper.index("Z")), ""
-    layers = layers_of(channels)
+    layers = [layer for layer in layers_of(channels) if layer]
     combined = [layer for layer in layers if layer.rpartition(".")[2].lower() == "combined"]
     chosen = layers if len(layers) == 1 else combined
     if len(chosen) != 1:
         return None, ""
-    red, green, blue = (upper.index(f"{chosen[0]}.{end}".upper()) for end in "RGB")
-    return (red, green, blue), chosen[0]
+    return _ends(channels, chosen[0]), chosen[0]
+
+
+def _ends(channels: Sequence[str], layer: str) -> tuple[int, int, int]:
+    """Which channels are R, G, B of a layer."""
+    upper = [channel.upper() for channel in channels]
+    red, green, blue = (upper.index(f"{layer}.{end}".upper()) for end in "RGB")
+    return red, green, blue
+
+
+def _layer(path: Path, channels: tuple[str, ...], layer: str) -> tuple[int, int, int]:
+    """Which channels are R, G, B of a layer that was asked for."""
+    layers = layers_of(channels)
+    if layer not in layers:
+        raise InputError(
+            f"{path}: wanted layer {one_line(layer)!r} of R, G, B, got "
+            f"{listed(layers) or 'no layers'}. Choose one of these, or leave --layer out."
+        )
+    return _ends(channels, layer)
+
+
+def refuse_layer(path: Path, layer: str | None, kind: str) -> None:
+    """Refuse to look for a layer where there are none."""
+    if layer is not None:
+        raise InputError(
+            f"{path}: wanted layer {one_line(layer)!r}, got {kind}, which has none. Leave --layer "
+            "out."
+        )
 
 
 def _find_rgb(path: Path, model: str, channels: tuple[str, ...], view: str) -> tuple[int, int, int]:
@@ -476,10 +510,13 @@ def _find_rgb(path: Path, model: str, channels: tuple[str, ...], view: str) -> t
         red, green, blue = (matches[0] for matches in indices)
         return red, green, blue
     grey = next((name for name in channels if name.upper() in ("Y", "L", "I")), None)
-    layers = layers_of(channels)
+    layers = [layer for layer in layers_of(channels) if layer]
     way = ADVICE["grey"].given(grey=grey) if grey and len(channels) < 3 else ""
     if layers:
-        way = f"choose one of layers {listed(layers)}: {ADVICE['layer'].given(layer=layers[0])}"
+        way = (
+            f"choose one of layers {listed(layers)}: --layer {one_line(layers[0])}, or "
+            f"{ADVICE['layer'].given(layer=layers[0])}"
+        )
     names = listed(channels)
     if view:
         raise InputError(

@@ -1,14 +1,14 @@
 """Masters: one moment of a show, as one frame or as a left and a right one.
 
 A stereo master comes in two files, side by side or one above the other in one image, as views of
-an OpenEXR file (``stereo_exr.py``), or as an MPO, two JPEGs in one file. `read_master` takes it
+an OpenEXR file (``exr_parts.py``), or as an MPO, two JPEGs in one file. `read_master` takes it
 apart into ordinary frames, and refuses what is no pair (``mistaken.py``); `write_master` puts it
 back together the way it came.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, replace
 from functools import partial
@@ -24,6 +24,12 @@ from domesim.errors import InputError
 from domesim.frames.colour import ColourTag
 from domesim.frames.depths import code_range
 from domesim.frames.dithering import seed_of
+from domesim.frames.exr_parts import (
+    MultiView,
+    SeveralInFile,
+    encoded_several,
+    read_several,
+)
 from domesim.frames.eyes import Eyes
 from domesim.frames.formats import SUFFIXES, jpeg
 from domesim.frames.formats.exr import EXR
@@ -37,12 +43,6 @@ from domesim.frames.mistaken import (
     refuse_stated_packing,
 )
 from domesim.frames.reading import read_image
-from domesim.frames.stereo_exr import (
-    MultiView,
-    StereoFile,
-    encoded_stereo_exr,
-    read_stereo_exr,
-)
 from domesim.frames.video import video_of
 from domesim.frames.writing import encoded, target_of
 from domesim.host.system import in_memory
@@ -78,7 +78,7 @@ class Master:
         How they lie in files. Another one may be chosen by `dataclasses.replace`, except the two
         of an EXR, which need a file to have come from.
     file
-        What else such an EXR holds, and its order; None for other packings.
+        What else an EXR of several parts or views holds, and its order; None for other files.
     eyes
         What a file of packed views says of them; None if it says nothing.
     becomes
@@ -94,7 +94,7 @@ class Master:
 
     frames: tuple[Frame, ...]
     packing: Packing = "single"
-    file: StereoFile | None = None
+    file: SeveralInFile | None = None
     eyes: Eyes | None = None
     becomes: ColourTag | None = None
     limits: tuple[float, float] | None = None
@@ -222,6 +222,7 @@ def read_master(
     allow_identical: bool = False,
     halves: bool = False,
     colour: ColourTag | None = None,
+    layer: str | None = None,
 ) -> Master:
     """Read one moment of a show.
 
@@ -248,6 +249,9 @@ def read_master(
         float32.
     colour
         As for `read_frame`.
+    layer
+        Which layer of an EXR, or which of its parts, by its name, or its number from 0. If None,
+        the only one that has R, G and B, or combines others.
 
     Returns
     -------
@@ -268,13 +272,15 @@ def read_master(
         raise InputError(f"read_master takes one or two paths, got {len(files)}")
     if packing is not None and packing not in _PACKINGS:
         raise InputError(f"read_master takes packing {', '.join(_PACKINGS)}, got '{packing}'")
+    read = partial(read_image, repair=repair, halves=halves, colour=colour, layer=layer)
     if len(files) == 2:
         refuse_packing(files, packing, "files")
         if not allow_identical:
             refuse_one_file(*files)
-        master = _read_pair(*files, repair=repair, halves=halves, colour=colour)
+        master = _read_pair(*files, read)
     else:
-        master = _read_file(files[0], packing, repair=repair, halves=halves, colour=colour)
+        several = partial(read_several, repair=repair, colour=colour, layer=layer)
+        master = _read_file(files[0], packing, read, several, colour)
         refuse_packing(files, packing, master.packing)
     if len(master.frames) == 2:
         refuse_mistaken_pair(master.frames, allow_identical=allow_identical)
@@ -315,7 +321,9 @@ def write_master(
     """
     files = tuple(Path(path) for path in paths)
     require_writable(master, files, bits)
-    if master.packing in ("single", "files"):
+    if master.packing == "single" and master.file is not None and keeps_layers(files[0]):
+        write_together([(files[0], encoded_several(master.frames, master.file, files[0], bits))])
+    elif master.packing in ("single", "files"):
         with ThreadPoolExecutor(len(files)) as eyes:
             seeds = [
                 seed_of(frame.path, view) if dither else None
@@ -325,6 +333,11 @@ def write_master(
         write_together(list(zip(files, contents, strict=True)))
     else:
         write_together([(files[0], _encoded_together(master, files[0], bits, dither=dither))])
+
+
+def keeps_layers(path: Path) -> bool:
+    """Whether a file at `path` can have layers and parts beside its picture."""
+    return isinstance(SUFFIXES.get(path.suffix.lower()), EXR)
 
 
 def require_writable(master: Master, paths: Sequence[str | Path], bits: int | None = None) -> None:
@@ -364,7 +377,7 @@ def require_writable(master: Master, paths: Sequence[str | Path], bits: int | No
             raise InputError(
                 f"write_master takes '{master.packing}' as read from such a file, got new"
             )
-        if not isinstance(SUFFIXES.get(files[0].suffix.lower()), EXR):
+        if not keeps_layers(files[0]):
             raise InputError(
                 f"{files[0]}: wanted .exr for left and right in one {master.packing} file, got "
                 f"'{files[0].suffix}'. Choose .exr, two files, or side-by-side."
@@ -414,30 +427,32 @@ def made_for(
 # Reading.
 
 
-def _read_pair(
-    left: Path, right: Path, *, repair: bool, halves: bool, colour: ColourTag | None
-) -> Master:
+def _read_pair(left: Path, right: Path, read: Callable[..., Frame]) -> Master:
     with ThreadPoolExecutor(2) as eyes:
-        read = partial(read_image, repair=repair, grey=True, halves=halves, colour=colour)
-        frames = tuple(eyes.map(read, (left, right)))
+        frames = tuple(eyes.map(partial(read, grey=True), (left, right)))
     for frame, side in zip(frames, ("left", "right"), strict=True):
         refuse_other_view(frame, side)
     return Master(frames, "files")
 
 
 def _read_file(
-    path: Path, packing: Packing | None, *, repair: bool, halves: bool, colour: ColourTag | None
+    path: Path,
+    packing: Packing | None,
+    read: Callable[..., Frame],
+    several: Callable[[Path], tuple[tuple[Frame, ...], SeveralInFile] | None],
+    colour: ColourTag | None,
 ) -> Master:
     with enough_memory(path):
-        stereo = read_stereo_exr(path, repair=repair, colour=colour)
-    if stereo is not None:
-        frames, file = stereo
-        return Master(frames, "multi-view" if isinstance(file, MultiView) else "multi-part", file)
+        found = several(path)
+    if found is not None:
+        frames, file = found
+        views: Packing = "multi-view" if isinstance(file, MultiView) else "multi-part"
+        return Master(frames, "single" if len(frames) == 1 else views, file)
     with enough_memory(path):
         pair = _read_mpo(path, colour, taken=packing == "mpo")
     if pair is not None:
         return Master(pair, "mpo")
-    frame = read_image(path, repair=repair, grey=packing in _AXES, halves=halves, colour=colour)
+    frame = read(path, grey=packing in _AXES)
     eyes = frame.header.eyes
     refuse_stated_packing(path, packing, eyes)
     if packing is not None and packing in _AXES:
@@ -531,7 +546,7 @@ def _encoded_together(master: Master, path: Path, bits: int | None, *, dither: b
         whole = replace(whole, header=replace(whole.header, eyes=eyes))
         return encoded(whole, path, bits, seed_of(whole.path) if dither else None)
     assert master.file is not None  # see `require_writable`
-    return encoded_stereo_exr((left, right), master.file, path, bits)
+    return encoded_several(master.frames, master.file, path, bits)
 
 
 def _whole(left: Frame, right: Frame, packing: Packing) -> Frame:

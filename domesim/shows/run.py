@@ -642,6 +642,7 @@ def _settings(
         # From the results, so that both may be moved together
         "masters": [os.path.relpath(source, folder) for source in show.sources],
         "packing": show.packing,
+        "layer": show.layer,
         "encoding": None if colour is None else [colour.transfer, colour.primaries],
         **asdict(writing),
         "suffix": writing.suffix or output[0].suffix,

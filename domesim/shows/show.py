@@ -37,6 +37,8 @@ class Show:
         The files of each: one, or left and right.
     packing
         How views lie in one file; None to go by the file itself.
+    layer
+        Which layer or part of EXRs, as for `read_master`.
     allow_identical
         Take left and right that are the same image.
     colour
@@ -53,6 +55,7 @@ class Show:
 
     moments: tuple[tuple[Path, ...], ...]
     packing: str | None = None
+    layer: str | None = None
     allow_identical: bool = False
     colour: ColourTag | None = None
     numbered: bool = False
@@ -99,6 +102,7 @@ class Show:
             allow_identical=self.allow_identical,
             halves=True,
             colour=self.colour,
+            layer=self.layer,
         )
 
     def outputs(self, folder: Path, suffix: str | None) -> tuple[tuple[Path, ...], ...]:
@@ -122,6 +126,7 @@ def find_show(
     right: str | None = None,
     *,
     packing: str | None = None,
+    layer: str | None = None,
     frames: str | None = None,
     allow_identical: bool = False,
     encoding: str | None = None,
@@ -136,6 +141,8 @@ def find_show(
         Those of the two eyes.
     packing
         One of `PACKINGS`, for a master of two views.
+    layer
+        Which layer or part of EXRs, as for `read_master`.
     frames
         Which frames, as for `find_frames`.
     allow_identical
@@ -162,7 +169,7 @@ def find_show(
         moments = find_moments(master, frames)
         numbered = moments != ((Path(master),),)
         origin = (source_of(Path(master)),)
-        return Show(moments, packing, allow_identical, colour, numbered, part, origin)
+        return Show(moments, packing, layer, allow_identical, colour, numbered, part, origin)
     if left is None or right is None:
         if left is None and right is None:
             raise InputError(
@@ -185,4 +192,4 @@ def find_show(
             refuse_one_file(*pair)
     numbered = pairs != ((Path(left), Path(right)),)
     origins = source_of(Path(left)), source_of(Path(right))
-    return Show(pairs, None, allow_identical, colour, numbered, part, origins)
+    return Show(pairs, None, layer, allow_identical, colour, numbered, part, origins)

@@ -29,7 +29,7 @@ from domesim.errors import HopelessError, InputError, reason
 from domesim.frames import ColourTag, Master, read_master, write_master
 from domesim.frames.messages import joined
 from domesim.frames.reading import size_of, unsaid
-from domesim.frames.views import made_for
+from domesim.frames.views import keeps_layers, made_for
 from domesim.host.console import about
 from domesim.host.numbers import decimal
 from domesim.host.system import peak_memory
@@ -526,6 +526,7 @@ class _Writer:
                 allow_identical=True,
                 halves=True,
                 colour=result.colour,
+                layer=self._order.show.layer if keeps_layers(output[0]) else None,
             )
             self.unsaid = unsaid(self._stored.frames[0])
         except InputError:

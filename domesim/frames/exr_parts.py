@@ -1,18 +1,21 @@
-"""Left and right in one OpenEXR file, and back.
+"""OpenEXR files of several parts, or of left and right, and back.
 
-There are two ways (*Storing Multi-View Images in OpenEXR Files*, openexr.com), and a file comes
-back the way it was:
+Left and right may lie in one file in two ways (*Storing Multi-View Images in OpenEXR Files*,
+openexr.com), and a file comes back the way it was:
 
 - multi-view: channels of one part. The attribute ``multiView`` lists the views; a channel is called
   ``layer.view.channel``, and belongs to the first view listed if it has no layer and no view;
 - multi-part: parts with an attribute ``view`` each. One part for each view has the picture; what
   else there is (depth, disparity, ...) is carried along as it is, tiles becoming lines.
+
+Of parts without views, one has the picture, and the others are carried along.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -36,12 +39,14 @@ from domesim.frames.frame import Frame
 from domesim.frames.integrity import damaged
 from domesim.frames.messages import one_line
 from domesim.frames.reading import (
+    Layout,
     View,
     attributes_of,
     channels_of,
     find_grey,
     frame_of,
     kinds_of,
+    layers_of,
     layout_of,
     listed,
     opened,
@@ -85,26 +90,25 @@ class Part:
 
 @dataclass(frozen=True, eq=False)
 class MultiPart:
-    """How views lie in parts."""
+    """How frames lie in parts."""
 
-    parts: tuple[int | Part, ...]  # 0: the left frame, 1: the right one
-
-
-StereoFile: TypeAlias = MultiView | MultiPart
-Pair: TypeAlias = tuple[Frame, Frame]
+    parts: tuple[int | Part, ...]  # 0: the only frame, or the left one; 1: the right one
 
 
-def read_stereo_exr(
-    path: Path, *, repair: bool, colour: ColourTag | None = None
-) -> tuple[Pair, StereoFile] | None:
-    """The left and the right frame, and how they lie in the file; None if it is not of this kind.
+SeveralInFile: TypeAlias = MultiView | MultiPart
 
-    Parameters as for `read_frame`.
+
+def read_several(
+    path: Path, *, repair: bool, colour: ColourTag | None = None, layer: str | None = None
+) -> tuple[tuple[Frame, ...], SeveralInFile] | None:
+    """The only frame, or left and right, and how they lie in the file; None if it is of one part.
+
+    Parameters as for `read_master`.
 
     Raises
     ------
     InputError
-        As for `read_frame`; or if the views are not left and right, or their pictures are not to
+        As for `read_master`; or if the views are not left and right, or the pictures are not to
         be distinguished from other parts.
     """
     if not _is_exr(path):
@@ -113,14 +117,20 @@ def read_stereo_exr(
         assert isinstance(form, EXR)
         count = reader.spec().get_int_attribute("oiio:subimages", 1)
         if count > 1:
-            return _read_parts(path, reader, form, count, repair=repair, colour=colour)
+            specs = [reader.spec(index) for index in range(count)]
+            views = tuple(spec.get_string_attribute("view") for spec in specs)
+            pictures = _pictures(path, specs, views, layer)
+            layout = partial(layout_of, grey=True, colour=colour)
+            return _read_parts(path, reader, form, views, pictures, layout, layer, repair=repair)
         views = stated_views(attributes_of(path, reader.spec(), form))
         if len(views) < 2:
             return None
         return _read_views(path, reader, form, views, repair=repair, colour=colour)
 
 
-def encoded_stereo_exr(frames: Pair, file: StereoFile, path: Path, bits: int | None) -> bytes:
+def encoded_several(
+    frames: Sequence[Frame], file: SeveralInFile, path: Path, bits: int | None
+) -> bytes:
     """A file's bytes in which `frames` lie as they did in `file`."""
     if isinstance(file, MultiView):
         return _encoded_views(frames, file, path, bits)
@@ -177,7 +187,7 @@ def _read_views(
     *,
     repair: bool,
     colour: ColourTag | None,
-) -> tuple[Pair, MultiView]:
+) -> tuple[tuple[Frame, ...], MultiView]:
     left, right = _left_and_right(path, views)
     channels = channels_of(path, reader.spec())
     of_view = channels_by_view(channels, views)
@@ -211,7 +221,7 @@ def _left_and_right(path: Path, views: Sequence[str]) -> tuple[int, int]:
     return folded.index("left"), folded.index("right")
 
 
-def _encoded_views(frames: Pair, file: MultiView, path: Path, bits: int | None) -> bytes:
+def _encoded_views(frames: Sequence[Frame], file: MultiView, path: Path, bits: int | None) -> bytes:
     targets = [target_of(frame, path, bits) for frame in frames]
     for target, names in zip(targets, file.names, strict=True):
         if len(target.channels) != len(names):
@@ -236,32 +246,59 @@ def _read_parts(
     path: Path,
     reader: Any,
     form: EXR,
-    count: int,
+    views: Sequence[str],
+    pictures: Sequence[int],
+    layout: Callable[..., Layout],
+    layer: str | None,
     *,
     repair: bool,
-    colour: ColourTag | None,
-) -> tuple[Pair, MultiPart] | None:
-    specs = [reader.spec(index) for index in range(count)]
-    views = [spec.get_string_attribute("view") for spec in specs]
-    if not any(views):
-        return None
-    _left_and_right(path, tuple(dict.fromkeys(view for view in views if view)))
-    pictures = [_picture(path, specs, views, side) for side in ("left", "right")]
+) -> tuple[tuple[Frame, ...], MultiPart]:
+    """Reads the parts that are `pictures` as frames, by their `layout`."""
     frames: dict[int, Frame] = {}
     parts: list[int | Part] = []
-    for index in range(count):
+    for index, view in enumerate(views):
         if not reader.seek_subimage(index, 0):
-            raise damaged(path, "EXR", f"one without part {index + 1} of {count}")
+            raise damaged(path, "EXR", f"one without part {index + 1} of {len(views)}")
         if index not in pictures:
             parts.append(_read_part(path, reader, form))
             continue
-        view = View(views[index], dict(enumerate(specs[index].channelnames)))
-        layout = layout_of(path, reader, form, view=view, grey=True, colour=colour)
-        samples = read_channels(path, reader, layout)
-        side = pictures.index(index)
-        frames[side] = frame_of(path, layout, samples, repair=repair)
-        parts.append(side)
-    return (frames[0], frames[1]), MultiPart(tuple(parts))
+        names = tuple(reader.spec().channelnames)
+        own = View(view, dict(enumerate(names))) if view else None
+        of_part = layer if layer in layers_of(names) else None
+        found = layout(path, reader, form, view=own, layer=of_part)
+        if not view:
+            note = f"part {one_line(reader.spec().get_string_attribute('oiio:subimagename'))}"
+            header = replace(found.header, notes=(*found.header.notes, f"{note} of {len(views)}"))
+            found = replace(found, header=header)
+        place = pictures.index(index)
+        frames[place] = frame_of(path, found, read_channels(path, reader, found), repair=repair)
+        parts.append(place)
+    return tuple(frames[place] for place in sorted(frames)), MultiPart(tuple(parts))
+
+
+def _pictures(
+    path: Path, specs: Sequence[Any], views: Sequence[str], layer: str | None
+) -> tuple[int, ...]:
+    """Which part has the picture; or left's, and right's."""
+    if any(views):
+        _left_and_right(path, tuple(dict.fromkeys(view for view in views if view)))
+        return tuple(_picture(path, specs, views, side) for side in ("left", "right"))
+    names = [spec.get_string_attribute("oiio:subimagename") for spec in specs]
+    layers = [layers_of(spec.channelnames) for spec in specs]
+    if layer is None:
+        whole = [k for k, spec in enumerate(specs) if _has_picture(spec.channelnames)]
+        found = whole or [k for k, each in enumerate(layers) if each]
+    else:
+        found = [k for k, each in enumerate(names) if layer in (each, str(k))]
+        found = found or [k for k, each in enumerate(layers) if layer in each]
+    if len(found) == 1:
+        return (found[0],)
+    known = [name or str(k) for k, name in enumerate(names)]
+    wanted = "one picture" if layer is None else f"one part or layer {one_line(layer)!r}"
+    raise InputError(
+        f"{path}: wanted {wanted}, got a file of several parts ({listed(known)}). Choose one of "
+        f"them (--layer {one_line(known[found[0] if found else 0])})."
+    )
 
 
 def _picture(path: Path, specs: Sequence[Any], views: Sequence[str], side: str) -> int:
@@ -307,7 +344,7 @@ def _read_part(path: Path, reader: Any, form: EXR) -> Part:
     return Part(channels, kinds, data, display, attributes_of(path, spec, form), carried, planes)
 
 
-def _encoded_parts(frames: Pair, file: MultiPart, path: Path, bits: int | None) -> bytes:
+def _encoded_parts(frames: Sequence[Frame], file: MultiPart, path: Path, bits: int | None) -> bytes:
     targets = [target_of(frame, path, bits) for frame in frames]
     stored = [as_stored(*each) for each in zip(frames, targets, strict=True)]
     specs = [specification(*each) for each in zip(frames, targets, strict=True)]
