@@ -61,7 +61,7 @@ def _locally_raised(scene: Scene, problem: Problem) -> Solver:
     return LocallyRaisedBlack(scene.viewing.pixels_per_degree(rows, cols))
 
 
-REFLECTED: Mapping[str, Chosen] = {
+COMMON: Mapping[str, Chosen] = {
     "perceptual": _perceptual,
     "subtractive": lambda scene, problem: Subtractive(),
     "raised-black": lambda scene, problem: RaisedBlack(),
@@ -79,14 +79,14 @@ STEREO: Mapping[str, Chosen] = {
     "none": lambda scene, problem: Untouched(),
 }
 
-METHODS = tuple(dict.fromkeys([*REFLECTED, *STEREO]))
+METHODS = tuple(dict.fromkeys([*COMMON, *STEREO]))
 """The names of all methods."""
 
 
 def methods_of(scene: Scene) -> Mapping[str, Chosen]:
     """Returns the methods that a scene has, by name."""
-    if isinstance(scene, DomeScene) or _in_a_room(scene):
-        return REFLECTED
+    if isinstance(scene, DomeScene) or _in_a_room(scene) or scene.views > 2:
+        return COMMON
     if isinstance(scene, StereoScene) and scene.table is not None:
         # These know crosstalk as one matrix
         matrix_only = ("paper", "player-shader")

@@ -1,12 +1,15 @@
 """The report card: crosstalk of a stereo system, and of a pair in it, in others' words.
 
 A *system* is judged by what each eye sees of four plain frames (own picture black or white, the
-other's black or white; L_KW: own black, other white), in the words of Woods [1]:
+other's black or white; L_KW: own black, other white), in the words of Woods [1]; of many views, all
+others are black or white:
 
     system crosstalk = (L_KW - L_KK) / (L_WK - L_KK)        extinction ratio = 1 / system crosstalk
 
 A *pair* has his viewer crosstalk, leaked over own light at each place, and what two eyes see of it
-(`vision.binocular.pair`): as it is, subtracted, compensated. Neither counts light of lens and room.
+(`vision.binocular.pair`): as it is, subtracted, compensated. A *quilt* is told of as its views are
+seen, each alone: which two of them a viewer's eyes see, depends on where he stands. None of these
+counts light of lens and room.
 
 A *room*, if a scene describes one, has its system contrast (`domesim.inspection.contrast`), and
 what the eye's own stray light leaves of that (`vision.glare`).
@@ -37,11 +40,11 @@ from compensate.vision.binocular.pair import Pair
 from compensate.vision.glare import StrayLight
 from domesim.inspection.contrast import boards, means
 from domesim.light import Light
+from domesim.observation.stereo import VIEWS, view_names
 from domesim.scene import FlatScene, StereoScene
 
 VISIBLE, ANNOYING, ACCEPTABLE = 0.01, 0.058, 0.1
 """Crosstalk that is a visible step; that does not annoy yet; the most that is often acceptable."""
-EYES = ("left", "right")
 METHODS = {"none": "as it is", "subtractive": "subtracted", "perceptual": "compensated"}
 EYES_AGE = 35.0
 """Years: chosen, of an audience."""
@@ -98,26 +101,26 @@ class Way:
 
 
 def crosstalk(scene: StereoScene) -> dict[str, Crosstalk]:
-    """Computes the crosstalk of each eye at the scene's seat, without light of lens and room.
+    """Computes the crosstalk of each eye, or view, without light of lens and room.
 
     Parameters
     ----------
     scene
         Scene of one chosen seat.
     """
-    observation = scene.crosstalk_alone.observation(*GRID)
+    observation, views = scene.crosstalk_alone.observation(*GRID), scene.views
 
-    def seen(left: float, right: float) -> NDArray[Any]:
-        frame: Light = np.ones((2, *GRID, 3)) * np.reshape([left, right], (2, 1, 1, 1))
-        return scene.projector.luminance(observation.observe(frame))
+    def seen(view: int, whites: NDArray[Any]) -> NDArray[Any]:
+        frame: Light = np.ones((views, *GRID, 3)) * np.reshape(whites, (-1, 1, 1, 1))
+        return np.asarray(scene.projector.luminance(observation.observe(frame))[view])
 
-    black, alone = seen(0, 0), (seen(1, 0), seen(0, 1))
     crosstalks = {}
-    for view, eye in enumerate(EYES):
-        kk, wk, kw = (plane[view] for plane in (black, alone[view], alone[1 - view]))
+    names = VIEWS if views == len(VIEWS) else view_names(views)
+    for view, (name, own) in enumerate(zip(names, np.eye(views), strict=True)):
+        kk, wk, kw = (seen(view, whites) for whites in (0 * own, own, 1 - own))
         leak = (kw - kk) / (wk - kk)
         system = float((kw - kk).mean() / (wk - kk).mean())
-        crosstalks[eye] = Crosstalk(system, float(leak.max()), 1 / system if system > 0 else None)
+        crosstalks[name] = Crosstalk(system, float(leak.max()), 1 / system if system > 0 else None)
     return crosstalks
 
 
@@ -150,6 +153,12 @@ def ways(posed: Posed) -> dict[str, Way]:
         two = pair.two_eyes(posed.seen(light))
         by_method[method] = Way(two.fused_loss, two.contrast, two.rivalry, appraisal.loss(light))
     return by_method
+
+
+def losses(posed: Posed) -> dict[str, float]:
+    """Computes the quality that one eye loses, JOD, by each of `METHODS`: the mean of all views."""
+    appraisal = Appraisal(posed)
+    return {method: appraisal.loss(solved(posed, method).light) for method in METHODS}
 
 
 def viewer_crosstalk(posed: Posed) -> Mapping[str, float]:

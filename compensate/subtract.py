@@ -75,6 +75,7 @@ _SETTLED = 1e-7  # of s
 _FAR = 1e-3  # of s: Newton's steps that lead from nearer than that are not doubted
 _NEAR = 1e-5
 """Distance of light from a bound, of white, that is near."""
+_ROUNDING = 1e-8  # of a single-precision number near 1
 _TINY = 1e-30  # so that nothing is divided by 0
 _NOTHING = 1e-8
 """Light, of white, by which s may be off."""
@@ -543,24 +544,25 @@ def _bound(bound: Floats | float, shape: tuple[int, ...], dtype: np.dtype[Any]) 
 
 @final
 class _Mixing:
-    """Crosstalk between planes (row, col) of light: of left in each primary, then of right."""
+    """Crosstalk between planes (row, col) of light: of the first view in each primary, then on."""
 
     def __init__(self, crosstalk: Crosstalk) -> None:
-        size = 2 * crosstalk.shape[3]
-        central = crosstalk.central.reshape(size, size)
-        self._inverse = np.linalg.inv(central)
+        views, primaries = crosstalk.leaks.shape[:2]
+        size = views * primaries
+        inverse = np.linalg.inv(crosstalk.central.reshape(size, size))
+        # Of many views most entries are rounding: views far apart
+        self._inverse = np.where(np.abs(inverse) > _ROUNDING, inverse, 0)
         self._share = crosstalk.share
-        self._matrices = crosstalk.matrices
+        self._leaks = crosstalk.leaks.reshape(views, primaries, size)
 
     def settled(
         self, free: Sequence[Floats], bounds: Sequence[Any], at: At, max_rounds: int
     ) -> tuple[int, list[Floats]]:
-        """The rounds taken, and light x = clip(free - M x_u) of a part, within bounds.
+        """The rounds taken, and light x_v = clip(free_v - sum M_vu x_u) of a part, within bounds.
 
         It begins with what subtracts the mean of the map: where that is flat and nothing clips,
         this is the result.
         """
-        count = len(free) // 2
         light = [
             _clipped(_sum(line, free), each)
             for line, each in zip(self._inverse, bounds, strict=True)
@@ -570,11 +572,9 @@ class _Mixing:
         settling = _Settling(float(np.finfo(free[0].dtype).eps))
         for rounds in range(1, max_rounds + 1):
             change = 0.0
-            for view in (0, 1):
-                own = slice(view * count, (view + 1) * count)
-                others = light[count:] if view == 0 else light[:count]
-                leaks = [_sum(line, others) * shares[view] for line in self._matrices[view]]
-                for k, leak in zip(range(own.start, own.stop), leaks, strict=True):
+            for view, lines in enumerate(self._leaks):
+                leaks = [_sum(line, light) * shares[view] for line in lines]
+                for k, leak in enumerate(leaks, view * len(lines)):
                     new = _clipped(free[k] - leak, bounds[k])
                     difference = new - light[k]
                     change = max(change, float(difference.max()), -float(difference.min()))
@@ -650,10 +650,10 @@ def _own_slopes(observation: Observation, like: Light) -> Light:
     xp = namespace(like)
     if not isinstance(observation, StereoObservation):
         return observation.direct(xp.ones_like(like))
-    one, none = xp.ones_like(like[:1, ...]), xp.zeros_like(like[:1, ...])
-    left = observation.linear(xp.concat([one, none]))[:1, ...]
-    right = observation.linear(xp.concat([none, one]))[1:, ...]
-    return xp.concat([left, right])
+    one, none, views = xp.ones_like(like[:1, ...]), xp.zeros_like(like[:1, ...]), range(len(like))
+    alone = (xp.concat([one if u == v else none for u in views]) for v in views)
+    each = [observation.linear(light)[v : v + 1, ...] for v, light in enumerate(alone)]
+    return xp.concat(each)
 
 
 def _along_table(observation: GreyToGrey, seen: Light, light: Light) -> Light:

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import asdict
+from pathlib import Path
 from typing import Any
 
 from compensate.figures import Appraisal
-from compensate.pose import Stage
+from compensate.pose import Posed, Stage
 from compensate.report_card import (
     EYES_AGE,
     METHODS,
     Crosstalk,
     crosstalk,
     disparity,
+    losses,
     to_the_eye,
     viewer_crosstalk,
     ways,
@@ -25,6 +27,7 @@ from domesim.errors import InputError
 from domesim.host.console import Console, about
 from domesim.host.numbers import decimal, ratio
 from domesim.inspection.contrast import contrast
+from domesim.observation.stereo import VIEWS
 from domesim.scene import CinemaScene, FlatScene, StereoScene
 from domesim.scene.choice import SceneChoice
 
@@ -56,8 +59,9 @@ def report_card(
     require_one_seat(system, seat, "a report card is of one seat")
     found = crosstalk(system)
     console.say(f"{system.name}, {system.chosen[0]}: {system.model}")
-    for eye, each in found.items():
-        console.say(*_told(eye, each))
+    told = sorted(found, key=lambda name: found[name].system)
+    for eye in found if len(found) == 2 else dict.fromkeys((told[0], told[-1])):
+        console.say(*_told(eye, found[eye]))
     figures: dict[str, Any] = {
         "scene": system.name,
         "seat": system.chosen[0],
@@ -68,7 +72,10 @@ def report_card(
     if system.way is not None:
         figures |= _of_room(system, console)
     if not masters.master is masters.left is masters.right is None:
-        figures["pair"] = _of_pair(system, masters, console)
+        if system.views == 2:
+            figures["pair"] = _of_pair(system, masters, console)
+        else:
+            figures["quilt"] = _of_quilt(system, masters, console)
     console.figures(figures)
 
 
@@ -86,8 +93,9 @@ def _of_room(scene: FlatScene, console: Console) -> dict[str, Any]:
 
 def _told(eye: str, each: Crosstalk) -> tuple[str, ...]:
     worst = "" if each.worst == each.system else f" (worst place {each.worst:.2%})"
+    name = f"{eye} eye" if eye in VIEWS else eye
     return (
-        f"{eye} eye: system crosstalk {each.system:.2%}{worst}, extinction ratio "
+        f"{name}: system crosstalk {each.system:.2%}{worst}, extinction ratio "
         f"{ratio(each.extinction)}",
         f"  {each.verdict}",
     )
@@ -95,25 +103,16 @@ def _told(eye: str, each: Crosstalk) -> tuple[str, ...]:
 
 def _of_pair(scene: StereoScene, masters: Masters, console: Console) -> dict[str, Any]:
     """Figures of a pair, which are said, too."""
-    show = masters.find()
-    if len(show.moments) > 1:
-        raise InputError(
-            f"{masters.master or masters.left}: a report card is of one pair, got "
-            f"{len(show.moments)}; name one"
-        )
-    (moment,) = show.moments
-    with about(moment[0]):
-        posed, _ = Stage(scene).pose_frame(show.read(moment, repair=masters.repair))
+    moment, posed = _posed(scene, masters, "pair")
+    with about(moment):
         found = ways(posed)
-    depth, viewer, clipped = disparity(posed), viewer_crosstalk(posed), Appraisal(posed).clipped
+    depth = disparity(posed)
     console.say(
-        f"{moment[0].name}:",
+        f"{moment.name}:",
         f"  disparity: {depth['nearest_deg']:+.2f}° to {depth['farthest_deg']:+.2f}° (+ is before "
         f"the screen), known on {depth['sure']:.0%} of the picture",
-        f"  viewer crosstalk: median {viewer['median']:.1%}, above 10% on "
-        f"{viewer['share_above_10']:.1%} of the picture",
-        f"  too dark for exact subtraction: {clipped:.1%} of the picture",
     )
+    figures = _of_views(posed, console)
     for method, each in found.items():
         console.say(
             f"  {METHODS[method]:<12} quality lost: {each.fused_loss:.2f} JOD with both eyes, "
@@ -121,9 +120,41 @@ def _of_pair(scene: StereoScene, masters: Masters, console: Console) -> dict[str
             f"rivalry on {each.rivalry:.1%} of the picture"
         )
     console.say(f"  {PEOPLE_SAY}")
-    return {
-        "clipped": clipped,
-        "disparity": dict(depth),
-        "viewer_crosstalk": dict(viewer),
-        "methods": {method: asdict(each) for method, each in found.items()},
-    }
+    methods = {method: asdict(each) for method, each in found.items()}
+    return {**figures, "disparity": dict(depth), "methods": methods}
+
+
+def _of_quilt(scene: StereoScene, masters: Masters, console: Console) -> dict[str, Any]:
+    """Figures of a quilt, which are said, too."""
+    moment, posed = _posed(scene, masters, "quilt")
+    console.say(f"{moment.name}:")
+    figures, found = _of_views(posed, console), losses(posed)
+    for method, lost in found.items():
+        console.say(f"  {METHODS[method]:<12} quality lost: {lost:.2f} JOD with one eye")
+    console.say(f"  {PEOPLE_SAY}")
+    return {**figures, "methods": {method: {"one_eye": lost} for method, lost in found.items()}}
+
+
+def _posed(scene: StereoScene, masters: Masters, kind: str) -> tuple[Path, Posed]:
+    """The one master that was asked for."""
+    show = masters.find()
+    if len(show.moments) > 1:
+        raise InputError(
+            f"{masters.master or masters.left}: a report card is of one {kind}, got "
+            f"{len(show.moments)}; name one"
+        )
+    (moment,) = show.moments
+    with about(moment[0]):
+        posed, _ = Stage(scene).pose_frame(show.read(moment, repair=masters.repair))
+    return moment[0], posed
+
+
+def _of_views(posed: Posed, console: Console) -> dict[str, Any]:
+    """What is told of views by themselves."""
+    viewer, clipped = viewer_crosstalk(posed), Appraisal(posed).clipped
+    console.say(
+        f"  viewer crosstalk: median {viewer['median']:.1%}, above 10% on "
+        f"{viewer['share_above_10']:.1%} of the picture",
+        f"  too dark for exact subtraction: {clipped:.1%} of the picture",
+    )
+    return {"clipped": clipped, "viewer_crosstalk": dict(viewer)}

@@ -115,7 +115,7 @@ class Comparison:
         views = [self._view("Master", self._wanted, "what the audience should see", "master")]
         for method, seen in self._seen():
             view = self._view(titles[method][0], seen, titles[method][1], "seen")
-            views.append(replace(view, lost=self.appraisal.lost_map(seen)))
+            views.append(replace(view, lost=self.appraisal.lost_map(seen)[self._shown]))
         views.append(
             self._view(
                 "Projected, perceptual",
@@ -142,8 +142,15 @@ class Comparison:
     def _wanted(self) -> Light:
         return self.posed.problem.desired[: self.posed.scene.views, ...]
 
+    @property
+    def _shown(self) -> slice:
+        """The views that the page shows: of many the two in the middle."""
+        first = max(0, self.posed.scene.views // 2 - 1)
+        return slice(first, first + 2)
+
     def _view(self, name: str, light: Light, note: str, kind: str) -> View:
-        pictures = [np.maximum(eye, 0) for eye in self.posed.scene.projector.to_display(light)]
+        shown = self.posed.scene.projector.to_display(light[self._shown])
+        pictures = [np.maximum(eye, 0) for eye in shown]
         return View(name, pictures[0], note, kind, *pictures[1:])
 
     def _seen(self) -> Iterator[tuple[str, Light]]:
@@ -279,6 +286,7 @@ class Comparison:
         return {
             "Master": self.frame.described(),
             **scene.facts(),
+            **self._told_of_views(),
             polluted: f"{decimal(best.pollution)} cd/m² on average, untouched",
             "Too dark for exact subtraction": f"{best.clipped:.1%} of the screen",
             "Out of the projector's range": f"{best.out_of_range:.1%} of the screen",
@@ -289,6 +297,13 @@ class Comparison:
             "Version": f"domesim {metadata.version('domesim')}",
             "Command": command,
         }
+
+    def _told_of_views(self) -> dict[str, str]:
+        """Which of many views the page shows."""
+        shown, views = self._shown, self.posed.scene.views
+        if views <= 2:
+            return {}
+        return {"Pictures": f"views {shown.start + 1} and {shown.stop} of {views}, for two eyes"}
 
 
 def faintest_of(figures: PlainFigures | Figures) -> Faintest | None:

@@ -178,7 +178,7 @@ class Predicting(Recipe):
 @final
 @dataclass(frozen=True)
 class _Place:
-    """Where the maps of one view go, or of two that lie in one file."""
+    """Where the maps of one view go, or of several that lie in one file."""
 
     maps: Path
     views: dict[str, int]  # by what tells them apart in names: "left."
@@ -196,7 +196,8 @@ class _Place:
 def _places_of(outputs: tuple[Path, ...], views: int) -> list[_Place]:
     """Where the maps of one moment go."""
     if len(outputs) < views:
-        return [_Place(outputs[0], {f"{each}.": k for k, each in enumerate(VIEWS)})]
+        names = VIEWS if views == len(VIEWS) else [f"view{k:02}" for k in range(1, views + 1)]
+        return [_Place(outputs[0], {f"{each}.": k for k, each in enumerate(names)})]
     return [_Place(output, {"": k}) for k, output in enumerate(outputs)]
 
 

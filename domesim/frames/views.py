@@ -1,9 +1,9 @@
 """Masters: one moment of a show, as one frame or as a left and a right one.
 
 A stereo master comes in two files, side by side or one above the other in one image, as views of
-an OpenEXR file (``exr_parts.py``), or as an MPO, two JPEGs in one file. `read_master` takes it
-apart into ordinary frames, and refuses what is no pair (``mistaken.py``); `write_master` puts it
-back together the way it came.
+an OpenEXR file (``exr_parts.py``), or as an MPO, two JPEGs in one file; many views come as a quilt
+(``quilts.py``). `read_master` takes it apart into ordinary frames, and refuses what is no pair
+(``mistaken.py``); `write_master` puts it back together the way it came.
 """
 
 from __future__ import annotations
@@ -42,6 +42,7 @@ from domesim.frames.mistaken import (
     refuse_packing,
     refuse_stated_packing,
 )
+from domesim.frames.quilts import Quilt, layout_in
 from domesim.frames.reading import read_image
 from domesim.frames.video import video_of
 from domesim.frames.writing import encoded, target_of
@@ -49,7 +50,7 @@ from domesim.host.system import in_memory
 from domesim.host.writing import write_together
 
 Packing: TypeAlias = Literal[
-    "single", "files", "side-by-side", "top-bottom", "multi-view", "multi-part", "mpo"
+    "single", "files", "side-by-side", "top-bottom", "multi-view", "multi-part", "mpo", "quilt"
 ]
 """How a master's frames lie in files."""
 
@@ -73,7 +74,8 @@ class Master:
     Attributes
     ----------
     frames
-        One frame, or two of one size: left, right. Each is as if it came from a file of its own.
+        One frame, two of one size (left, right), or those of a quilt, the leftmost camera's first.
+        Each is as if it came from a file of its own.
     packing
         How they lie in files. Another one may be chosen by `dataclasses.replace`, except the two
         of an EXR, which need a file to have come from.
@@ -81,6 +83,8 @@ class Master:
         What else an EXR of several parts or views holds, and its order; None for other files.
     eyes
         What a file of packed views says of them; None if it says nothing.
+    quilt
+        How views lie in a quilt; None for other packings.
     becomes
         Encoding of what is made of it; None for its own.
     limits
@@ -96,11 +100,14 @@ class Master:
     packing: Packing = "single"
     file: SeveralInFile | None = None
     eyes: Eyes | None = None
+    quilt: Quilt | None = None
     becomes: ColourTag | None = None
     limits: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
         wanted = 1 if self.packing == "single" else 2
+        if self.quilt is not None:
+            wanted = self.quilt.across * self.quilt.down
         if len(self.frames) != wanted:
             raise InputError(f"Master of '{self.packing}' takes {wanted}, got {len(self.frames)}")
 
@@ -206,6 +213,8 @@ class Master:
         if self.packing == "single":
             held = self.frames[0].header.eyes
             return first if held is None else f"{first}; it says that it is {held}"
+        if self.quilt is not None:
+            return f"{len(self.frames)} x {first}, {self.quilt}"
         order = "" if self.eyes is None else f": it says {self.eyes}"
         return f"2 x {first}, {_DESCRIPTIONS[self.packing]}{order}"
 
@@ -236,9 +245,9 @@ def read_master(
         One file; or left and right.
     packing
         How the frames lie in one file. If None, an EXR of views left and right is known by its
-        attributes, and anything else is one frame. "side-by-side" has left on the left,
-        "top-bottom" on top, unless the file says otherwise (``eyes.py``); the views are not
-        stretched.
+        attributes, a quilt by its name, and anything else is one frame. "side-by-side" has left on
+        the left, "top-bottom" on top, unless the file says otherwise (``eyes.py``); the views are
+        not stretched.
     repair
         As for `read_frame`. What is repaired in one image of two views counts for its left frame.
     allow_identical
@@ -282,7 +291,7 @@ def read_master(
         several = partial(read_several, repair=repair, colour=colour, layer=layer)
         master = _read_file(files[0], packing, read, several, colour)
         refuse_packing(files, packing, master.packing)
-    if len(master.frames) == 2:
+    if len(master.frames) == 2 and master.quilt is None:
         refuse_mistaken_pair(master.frames, allow_identical=allow_identical)
     return master
 
@@ -452,7 +461,12 @@ def _read_file(
         pair = _read_mpo(path, colour, taken=packing == "mpo")
     if pair is not None:
         return Master(pair, "mpo")
-    frame = read(path, grey=packing in _AXES)
+    layout = layout_in(path)
+    if packing is None and layout is not None:
+        packing = "quilt"
+    frame = read(path, grey=packing in _AXES or packing == "quilt")
+    if packing == "quilt":
+        return _quilted(frame, layout)
     eyes = frame.header.eyes
     refuse_stated_packing(path, packing, eyes)
     if packing is not None and packing in _AXES:
@@ -519,6 +533,35 @@ def _halves(frame: Frame, packing: Packing, eyes: Eyes | None) -> tuple[Frame, .
     )
 
 
+def _quilted(frame: Frame, layout: tuple[int, int] | None) -> Master:
+    """The views of a quilt."""
+    rows, cols = frame.pixels.shape[:2]
+    if layout is None:
+        raise InputError(
+            f"{frame.path}: wanted a quilt, whose name says how many columns and rows of views it "
+            f"has, such as show_qs8x6a0.75.png, got none. Rename it."
+        )
+    across, down = layout
+    if not (1 <= across <= cols and 1 <= down <= rows and across * down > 1):
+        raise InputError(
+            f"{frame.path}: wanted a quilt of {across} x {down} views, as its name says, got "
+            f"{cols} x {rows} px. Correct the name."
+        )
+    quilt = Quilt(across, down, (rows, cols))
+    pixels = quilt.taken_apart(frame.pixels)
+    extra = [quilt.taken_apart(plane) for plane in frame.header.extra]
+    frames = tuple(
+        replace(
+            frame,
+            pixels=each,
+            repaired=frame.repaired if k == 0 else 0,
+            header=replace(frame.header, extra=tuple(planes[k] for planes in extra)),
+        )
+        for k, each in enumerate(pixels)
+    )
+    return Master(frames, "quilt", quilt=quilt)
+
+
 def _order(eyes: Eyes | None) -> tuple[int, int]:
     """Which half is left, and which is right; and the other way round."""
     return (1, 0) if eyes is not None and eyes.right_first else (0, 1)
@@ -528,7 +571,10 @@ def _order(eyes: Eyes | None) -> tuple[int, int]:
 
 
 def _encoded_together(master: Master, path: Path, bits: int | None, *, dither: bool) -> bytes:
-    """Two frames in one file."""
+    """Several frames in one file."""
+    if master.quilt is not None:
+        whole = _joined(master.frames, master.quilt.put_together)
+        return encoded(whole, path, bits, seed_of(whole.path) if dither else None)
     left, right = master.frames
     if master.packing == "mpo":
         seeds = [seed_of(left.path, view) if dither else None for view in range(2)]
@@ -551,19 +597,25 @@ def _encoded_together(master: Master, path: Path, bits: int | None, *, dither: b
 
 def _whole(left: Frame, right: Frame, packing: Packing) -> Frame:
     """The image that `_halves` takes apart."""
-    axis = _AXES[packing]
     if left.header.channels != right.header.channels:
         raise InputError(
             f"write_master takes the same channels of left and right for '{packing}', "
             f"got {left.header.channels} and {right.header.channels}"
         )
+    return _joined((left, right), partial(np.concatenate, axis=_AXES[packing]))
+
+
+def _joined(
+    frames: Sequence[Frame], join: Callable[[Sequence[NDArray[Any]]], NDArray[Any]]
+) -> Frame:
+    """One image of frames, with all channels, and the first one's metadata."""
+    first = frames[0]
     extra = tuple(
-        np.concatenate(planes, axis)
-        for planes in zip(left.header.extra, right.header.extra, strict=True)
+        join(planes) for planes in zip(*(frame.header.extra for frame in frames), strict=True)
     )
-    attributes = tuple(each for each in left.header.attributes if each[0] != "view")
+    attributes = tuple(each for each in first.header.attributes if each[0] != "view")
     return replace(
-        left,
-        pixels=np.concatenate((left.pixels, right.pixels), axis),
-        header=replace(left.header, extra=extra, attributes=attributes),
+        first,
+        pixels=join([frame.pixels for frame in frames]),
+        header=replace(first.header, extra=extra, attributes=attributes),
     )

@@ -1,21 +1,25 @@
-"""Crosstalk: some of the light for one eye reaches the other (eq. 8 of the paper).
+"""Crosstalk: some of the light for one eye, or view, reaches others (eq. 8 of the paper).
 
-    psi(x)_v = x_v + s_v M_v x_u + black_v        v: the eye that sees, u: the other one's picture
+    psi(x)_v = x_v + s_v sum_u M_vu x_u + black_v        v: the view that sees, u: the others
 
-M_v is a matrix over the primaries, for coloured filters leak some colours more than others, and
+M_vu is a matrix over the primaries, for coloured filters leak some colours more than others, and
 differently from left to right than from right to left. s_v, a map over the screen, says how it
-varies from the sweet spot to the edge: 1.1 % to 2.0 % in the cinema of the paper's section 7.
+varies from the sweet spot to the edge: 1.1 % to 2.0 % in the cinema of the paper's section 7. A
+pair has two views, and M_v of the other one; a display without glasses has many, and what leaks
+between any two of them.
 
-An entry of M_v may be negative: a ghost more saturated than the seeing eye's own primaries has no
-other description. What cannot be is a white picture that *takes* light from the other eye (a
+An entry of M may be negative: a ghost more saturated than the seeing eye's own primaries has no
+other description. What cannot be is a white picture that *takes* light from another view (a
 negative row sum; the readings were taken with the filters exchanged, or without subtracting black),
-nor a leak as bright as the picture itself, which no projector could undo.
+nor a leak as bright as the picture itself, which no projector could undo. Of many views, neighbours
+may together be as bright as the picture. Their light can be undone as long as the symmetric part of
+1 + M is positive definite: then no two frames look the same (x' (1 + M) x > 0 for each change x).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, final
+from typing import Any, TypeAlias, final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -24,20 +28,27 @@ from domesim.errors import InputError
 from domesim.light import Array, Light, kind, namespace
 from domesim.light.guarded import guarded
 from domesim.light.strips import in_strips
-from domesim.observation.stereo import VIEWS, StereoObservation, require_black
+from domesim.observation.stereo import StereoObservation, require_black, view_names
+
+_Leaks: TypeAlias = list[list[tuple[int, Array]]]
+"""Of each seeing view: the views that leak to it, with their matrices."""
+_LEAST = 0.01
+"""Least light by which the symmetric part of 1 + M tells a change of the frame."""
 
 
 @final
 class Crosstalk(StereoObservation):
-    """Linear crosstalk of two views of a flat screen.
+    """Linear crosstalk of two or more views of a flat screen.
 
     Parameters
     ----------
     rows, cols
         Size of the views.
     matrices
-        (view, primary, primary) M: light of the other view (last axis) that the eye of that view
-        sees as its own primaries (see `leak_matrices`).
+        Of a pair: (view, primary, primary) M, light of the other view (last axis) that the eye of
+        that view sees as its own primaries (see `leak_matrices`). Of many views: (view, primary,
+        view, primary) M, seen by sent, whose entries from a view to itself are 0 (see
+        `leaks_of_views`).
     share
         (view, row, col) s; 1 everywhere if None.
     black
@@ -61,30 +72,39 @@ class Crosstalk(StereoObservation):
         share: NDArray[Any] | None = None,
         black: ArrayLike = 0.0,
     ) -> None:
-        matrices = np.asarray(matrices, np.float64)
-        if matrices.ndim != 3 or len(matrices) != 2 or matrices.shape[1] != matrices.shape[2]:
-            raise InputError(f"Crosstalk takes matrices (2, p, p), got {matrices.shape}")
+        leaks = np.asarray(matrices, np.float64)
+        if leaks.ndim == 3 and len(leaks) == 2 and leaks.shape[1] == leaks.shape[2]:
+            leaks = _of_pair(leaks)
+        if leaks.ndim != 4 or leaks.shape[:2] != leaks.shape[2:] or len(leaks) < 2:
+            raise InputError(
+                f"Crosstalk takes matrices (2, p, p), or (n, p, n, p) of n views, got {leaks.shape}"
+            )
+        views, primaries = leaks.shape[:2]
         if share is None:
-            share = np.ones((2, 1, 1))
-        elif share.shape != (2, rows, cols):
-            raise InputError(f"Crosstalk takes a map {(2, rows, cols)}, got {share.shape}")
-        primaries = matrices.shape[1]
-        self._shape = (2, rows, cols, primaries)
-        self._matrices = matrices
+            share = np.ones((views, 1, 1))
+        elif share.shape != (views, rows, cols):
+            raise InputError(f"Crosstalk takes a map {(views, rows, cols)}, got {share.shape}")
+        self._shape = (views, rows, cols, primaries)
+        self._leaks = leaks
         self._share = np.asarray(share, np.float64)
-        self._black = require_black(black, primaries)
-        _require_possible(self._matrices, self._share)
-        self._converted: dict[tuple[str, ...], tuple[Array, Array, Array]] = {}
+        self._black = require_black(black, primaries, views)
+        _require_possible(self._leaks, self._share)
+        self._converted: dict[tuple[str, ...], tuple[_Leaks, list[Array], Array]] = {}
 
     @property
     def shape(self) -> tuple[int, int, int, int]:
-        """(2, row, col, primary)."""
+        """(view, row, col, primary)."""
         return self._shape
 
     @property
+    def leaks(self) -> NDArray[np.float64]:
+        """(view, primary, view, primary) M, seen by sent."""
+        return self._leaks
+
+    @property
     def matrices(self) -> NDArray[np.float64]:
-        """(view, primary, primary) M."""
-        return self._matrices
+        """(view, primary, primary) M of a pair."""
+        return np.stack([self._leaks[view, :, 1 - view] for view in range(2)])
 
     @property
     def share(self) -> NDArray[np.float64]:
@@ -99,36 +119,40 @@ class Crosstalk(StereoObservation):
     @property
     def central(self) -> NDArray[Any]:
         """(view, primary, view, primary): the matrix by the mean of the map."""
-        leaks = self._share.mean(axis=(1, 2))[:, None, None] * self._matrices
-        primaries = self._shape[3]
-        result = np.zeros((2, primaries, 2, primaries))
-        for view in range(2):
+        result = np.asarray(self._share.mean(axis=(1, 2))[:, None, None, None] * self._leaks)
+        views, primaries = self._leaks.shape[:2]
+        for view in range(views):
             result[view, :, view] = np.eye(primaries)
-            result[view, :, 1 - view] = leaks[view]
         return result
 
     @property
     def strength(self) -> float:
-        """Largest share of the other view's light that a pixel sees: ||s_v M_v||."""
-        norms = np.linalg.norm(self._matrices, 2, axis=(1, 2))
+        """Largest share of the other views' light that a pixel sees: ||s_v M_v||."""
+        norms = np.linalg.norm(self._leaks.reshape(*self._leaks.shape[:2], -1), 2, axis=(1, 2))
         return float(np.max(norms * self._share.max(axis=(1, 2))))
 
     def leaked(self, light: Light) -> Light:
-        """phi(x): what each eye sees of the other's picture, (view, row, col, primary)."""
-        matrices, share, _ = self._like(light)
-        xp = namespace(light)
-        leaks = [share[v] * (light[1 - v, ...] @ matrices[v].T) for v in range(2)]  # eq. 8
-        return xp.stack(leaks)
+        """phi(x): what each eye sees of other views' pictures, (view, row, col, primary)."""
+        leaks, share, _ = self._like(light)
+        found = [
+            share[v] * _total([light[u, ...] @ matrix.T for u, matrix in each], light[v, ...])
+            for v, each in enumerate(leaks)
+        ]  # eq. 8
+        return namespace(light).stack(found)
 
     def _observe(self, light: Light) -> Light:
         if not isinstance(light, np.ndarray):
             return light + self.leaked(light) + self._like(light)[2]
-        _, share, black = self._like(light)
+        leaks, share, black = self._like(light)
         seen = np.empty_like(light)
-        mixing = [mixing_by(matrix, light) for matrix in self._matrices]
+        mixing = [[(u, mixing_by(matrix, light)) for u, matrix in each] for each in leaks]
 
         def observe(view: int, rows: slice) -> None:
-            part = mixing[view](light[1 - view, rows])
+            parts = (mix(light[u, rows]) for u, mix in mixing[view])
+            part = next(parts, None)
+            part = np.zeros_like(light[view, rows]) if part is None else part
+            for each in parts:
+                part += each
             part *= share[view] if len(share[view]) == 1 else share[view][rows]
             part += light[view, rows]
             np.add(part, black[view], out=seen[view, rows])
@@ -143,16 +167,20 @@ class Crosstalk(StereoObservation):
         return light + self.leaked(light)
 
     def _adjoint(self, light: Light) -> Light:
-        matrices, share, _ = self._like(light)
-        xp = namespace(light)
-        back = [(share[1 - u] * light[1 - u, ...]) @ matrices[1 - u] for u in range(2)]
-        return light + xp.stack(back)
+        leaks, share, _ = self._like(light)
+        back: list[list[Array]] = [[] for _ in leaks]
+        for v, each in enumerate(leaks):
+            seen = share[v] * light[v, ...]
+            for u, matrix in each:
+                back[u].append(seen @ matrix)
+        found = [_total(each, light[u, ...]) for u, each in enumerate(back)]
+        return light + namespace(light).stack(found)
 
     def _direct_adjoint(self, light: Light) -> Light:
         return light
 
-    def _like(self, light: Light) -> tuple[list[Array], list[Array], Array]:
-        """Matrices and maps (row, col, 1) by view, and black (view, 1, col, primary)."""
+    def _like(self, light: Light) -> tuple[_Leaks, list[Array], Array]:
+        """Leaks and maps (row, col, 1) by view, and black (view, 1, col, primary)."""
         key = kind(light)
         if key not in self._converted:
             xp = namespace(light)
@@ -161,12 +189,28 @@ class Crosstalk(StereoObservation):
                 return xp.asarray(array, dtype=light.dtype, device=light.device)
 
             self._converted[key] = (
-                [convert(matrix) for matrix in self._matrices],
+                [
+                    [(u, convert(each[:, u])) for u in range(len(self._leaks)) if each[:, u].any()]
+                    for each in self._leaks
+                ],
                 [convert(plane[..., None]) for plane in self._share],
                 # Of a whole row: NumPy repeats three numbers slowly.
                 convert(np.repeat(self._black[:, None, None, :], self._shape[2], axis=2)),
             )
         return self._converted[key]
+
+
+def _total(parts: list[Array], like: Array) -> Array:
+    """The sum of arrays, of which there may be none."""
+    return sum(parts[1:], start=parts[0]) if parts else namespace(like).zeros_like(like)
+
+
+def _of_pair(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(view, primary, view, primary) of a pair's (view, primary, primary)."""
+    leaks = np.zeros((2, matrices.shape[1], 2, matrices.shape[1]))
+    for view in range(2):
+        leaks[view, :, 1 - view] = matrices[view]
+    return leaks
 
 
 def mixing_by(matrix: NDArray[Any], like: NDArray[Any]) -> Callable[[NDArray[Any]], NDArray[Any]]:
@@ -287,24 +331,69 @@ def over_pixels(
     return result
 
 
-def _require_possible(matrices: NDArray[np.float64], share: NDArray[np.float64]) -> None:
-    for name, values in (("crosstalk", matrices), ("crosstalk map", share)):
+@guarded
+def leaks_of_views(shares: ArrayLike, primaries: int = 3) -> NDArray[np.float64]:
+    """Leaks between many views, of what is told as shares of light.
+
+    Parameters
+    ----------
+    shares
+        (view, view) share of a view's light (last axis) that is seen in another one; or
+        (primary, view, view). From a view to itself they are not read.
+    primaries
+        Number of primaries.
+
+    Returns
+    -------
+    leaks
+        (view, primary, view, primary), as `Crosstalk` takes them.
+
+    Raises
+    ------
+    InputError
+        If they have another shape.
+    """
+    stated = np.asarray(shares, np.float64)
+    if stated.ndim not in (2, 3) or stated.shape[-1] != stated.shape[-2]:
+        raise InputError(f"leaks_of_views takes shares (view, view), got {stated.shape}")
+    if stated.ndim == 3 and len(stated) != primaries:
+        raise InputError(f"leaks_of_views takes shares of {primaries} primaries, got {len(stated)}")
+    each = np.array(np.broadcast_to(stated, (primaries, *stated.shape[-2:])))
+    each[:, range(stated.shape[-1]), range(stated.shape[-1])] = 0
+    return np.asarray(np.einsum("pvu,pq->vpuq", each, np.eye(primaries)))
+
+
+def _require_possible(leaks: NDArray[np.float64], share: NDArray[np.float64]) -> None:
+    for name, values in (("crosstalk", leaks), ("crosstalk map", share)):
         if not np.isfinite(values).all():
             raise InputError(f"{name} must be finite, got NaN or infinity")
     if share.min() < 0:
         raise InputError(f"crosstalk map must be light >= 0, got {share.min():g}")
     largest = share.max(axis=(1, 2))
-    for view, other in ((0, 1), (1, 0)):
-        matrix = largest[view] * matrices[view]
-        white = matrix.sum(axis=1)
-        if white.min() < -1e-9:
+    views, primaries = leaks.shape[:2]
+    names = view_names(views)
+    for view, name in enumerate(names):
+        matrix = largest[view] * leaks[view]
+        least = matrix.sum(axis=2).min(axis=0)
+        if matrix[:, view].any():
+            raise InputError(f"crosstalk from the {name} to itself must be 0: it is own light")
+        if least.min() < -1e-9:
             raise InputError(
-                f"crosstalk to the {VIEWS[view]} eye: a white {VIEWS[other]} picture must add "
-                f"light there, got {white.min():.3g} of white. Were the filters exchanged, or "
-                f"black not subtracted?"
+                f"crosstalk to the {name}: a white picture of the {names[int(least.argmin())]} "
+                f"must add light there, got {least.min():.3g} of white. Were the filters "
+                f"exchanged, or black not subtracted?"
             )
-        if not np.linalg.norm(matrix, 2) < 0.9:
+        norm = float(np.linalg.norm(matrix.reshape(primaries, -1), 2))
+        if not norm < 0.9:
             raise InputError(
-                f"crosstalk to the {VIEWS[view]} eye must be well below the picture itself, got "
-                f"{np.linalg.norm(matrix, 2):.0%}. Is it in percent, or are the eyes exchanged?"
+                f"crosstalk to the {name} must be well below the picture itself, got "
+                f"{norm:.0%}. Is it in percent, or are the eyes exchanged?"
             )
+    whole = (largest[:, None, None, None] * leaks).reshape(views * primaries, -1)
+    least_told = 1 + float(np.linalg.eigvalsh((whole + whole.T) / 2)[0])
+    if least_told < _LEAST:
+        raise InputError(
+            f"crosstalk of {views} views cannot be undone: of some frames that differ, "
+            f"{least_told:.2g} of the difference is seen, wanted {_LEAST:g} at least. Are the "
+            f"shares those of own light, and the views in order?"
+        )

@@ -1,4 +1,4 @@
-"""What all two-view systems share: each eye sees its own view and some of the other's."""
+"""What systems of several views share: each eye sees its own view and some of the others'."""
 
 from __future__ import annotations
 
@@ -14,11 +14,18 @@ from domesim.light.guarded import guarded
 from domesim.observation.base import AdjointObservation
 
 VIEWS = ("left", "right")
-"""Names of the views, in `Light`'s order."""
+"""Names of a pair's views, in `Light`'s order."""
+
+
+def view_names(views: int) -> tuple[str, ...]:
+    """Names of views, as messages have them: ``left eye``, or ``view 3``, from 1."""
+    if views == len(VIEWS):
+        return tuple(f"{name} eye" for name in VIEWS)
+    return tuple(f"view {number}" for number in range(1, views + 1))
 
 
 class StereoObservation(AdjointObservation):
-    """An affine observation of two views that mixes no pixels, but views and primaries.
+    """An affine observation of views that mixes no pixels, but views and primaries.
 
     Direct light D is the identity (for each seat): a frame is what an eye sees of its own
     projector.
@@ -39,15 +46,15 @@ class StereoObservation(AdjointObservation):
 
 
 @guarded
-def require_black(black: ArrayLike, primaries: int) -> NDArray[np.float64]:
+def require_black(black: ArrayLike, primaries: int, views: int = 2) -> NDArray[np.float64]:
     """Light without any picture, in full.
 
     Parameters
     ----------
     black
-        Light, 1.0 = projector white: one number, (2, 1), (primary,) or (2, primary).
-    primaries
-        Number of primaries.
+        Light, 1.0 = projector white: one number, (view, 1), (primary,) or (view, primary).
+    primaries, views
+        Numbers of primaries and views.
 
     Returns
     -------
@@ -62,10 +69,10 @@ def require_black(black: ArrayLike, primaries: int) -> NDArray[np.float64]:
         If it has another shape.
     """
     stated = np.asarray(black, np.float64)
-    if stated.shape not in {(), (2, 1), (primaries,), (2, primaries)}:
-        raise InputError(f"black takes shape (2, {primaries}), got {stated.shape}")
+    if stated.shape not in {(), (views, 1), (primaries,), (views, primaries)}:
+        raise InputError(f"black takes shape ({views}, {primaries}), got {stated.shape}")
     if not np.isfinite(stated).all():
         raise InputError("black must be finite, got NaN or infinity")
     if stated.min() < 0:
         raise InputError(f"black must be light >= 0, got {stated.min():g}")
-    return np.array(np.broadcast_to(stated, (2, primaries)))
+    return np.array(np.broadcast_to(stated, (views, primaries)))

@@ -57,7 +57,7 @@ class Scene(ByValue, ABC):
     @property
     @abstractmethod
     def views(self) -> int:
-        """Views of its masters: 1, or 2 (left, right)."""
+        """Views of its masters: 1, 2 (left, right), or more."""
 
     @property
     @abstractmethod

@@ -78,6 +78,10 @@ _EXAMPLES: dict[str, Any] = {
     "crosstalk.polarisation.glasses_axis_deg": 90.0,
     "crosstalk.polarisation.wavelengths_nm": [615.0, 545.0, 465.0],
     "crosstalk.polarisation.design_nm": 560.0,
+    "crosstalk.views.count": 4,
+    "crosstalk.views.neighbours": [0.2, [0.02, 0.03, 0.05]],
+    "crosstalk.views.repeats": True,
+    "crosstalk.views.matrix": [[0, 0.2, 0.1], [0.2, 0, 0.2], [0.1, 0.2, 0]],
     "seats.weight": 2.0,
     "seats.factor": 1.5,
 }
@@ -218,7 +222,7 @@ def _plural(shape: str) -> str:
     words = shape.split(" ", 1)
     if words[0].isdigit():
         return f"rows of {shape}"
-    return {"text": "texts"}.get(shape, f"{shape}s")
+    return {"text": "texts"}.get(shape, shape if shape.endswith("s") else f"{shape}s")
 
 
 def _limits(schema: dict[str, Any]) -> str:

@@ -173,8 +173,14 @@ def _require_views(master: Master, scene: Scene) -> None:
         return
     if scene.views == 1:
         raise HopelessError(
-            f"{master.path}: wanted {scene.masters} for {scene.name}, got left and right. Do each "
-            f"alone, or choose a stereo scene."
+            f"{master.path}: wanted {scene.masters} for {scene.name}, got "
+            f"{master.quilt or 'left and right'}. Do each alone, or choose a stereo scene."
+        )
+    if scene.views > 2 or master.quilt is not None:
+        got = master.quilt or ("one picture" if len(master.frames) == 1 else "left and right")
+        raise HopelessError(
+            f"{master.path}: wanted {scene.masters} for {scene.name}, got {got}. A quilt's name "
+            f"ends in its columns and rows of views, such as _qs8x6a0.75; or choose another scene."
         )
     eyes = master.frames[0].header.eyes
     packing = "" if eyes is None else f" {eyes.packing}, as it says itself"

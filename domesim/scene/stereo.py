@@ -54,7 +54,8 @@ class Seat:
     Parameters
     ----------
     matrices
-        (view, primary, primary) share of the other view's light that each eye sees.
+        (view, primary, primary) share of the other view's light that each eye sees; of many views
+        (view, primary, view, primary), as `Crosstalk` takes them.
     share
         (view, row, col) coarse map that multiplies it, means over cells of the screen; or None.
     weight
@@ -77,8 +78,8 @@ class Seat:
     map_uncertainty: NDArray[np.float64] | None = None
 
     def mean(self) -> float:
-        """Mean share of the other picture's light, of grey pictures over the screen."""
-        white = self.matrices.sum(axis=2).mean(axis=1)
+        """Mean share of other pictures' light, of grey pictures over the screen."""
+        white = self.matrices.sum(axis=tuple(range(2, self.matrices.ndim))).mean(axis=1)
         factor = 1.0 if self.share is None else self.share.mean(axis=(1, 2))
         return float(np.mean(white * factor))
 
@@ -143,18 +144,20 @@ class StereoScene(Scene):
 
     @property
     def views(self) -> int:
-        """Two: left, right."""
-        return 2
+        """Two: left, right; or as many as a display without glasses shows."""
+        return len(self.seats[self.chosen[0]].matrices)
 
     @property
     def pollution(self) -> str:
         """See `Scene`."""
+        if self.views > 2:
+            return "the other views'"
         return "the other eye's" if self.way is None else "scattered, reflected, the other eye's"
 
     @property
     def masters(self) -> str:
         """See `Scene`."""
-        return "left and right"
+        return "left and right" if self.views == 2 else f"quilts of {self.views} views"
 
     @property
     def places(self) -> dict[str, NDArray[np.float64]]:
@@ -313,7 +316,8 @@ class StereoScene(Scene):
         if self.table is not None:
             raise InputError(f"{self.name}: a grey-to-grey table has no mean seat")
         chosen = [self.seats[name] for name in self.chosen]
-        cells = [np.ones((2, 1, 1)) if seat.share is None else seat.share for seat in chosen]
+        flat = np.ones((self.views, 1, 1))
+        cells = [flat if seat.share is None else seat.share for seat in chosen]
         # Where matrices differ between seats, the maps are those of their whites.
         share = sum(
             weight * over_pixels(cell, rows, cols, sloping=seat.sloping)
@@ -339,15 +343,16 @@ class StereoScene(Scene):
         if self.table is None:
             means = {name: self.seats[name].mean() for name in self.chosen}
             shares = ", ".join(f"{name} {mean:.2%}" for name, mean in means.items())
-            if max(means.values()) > _MUCH:
+            if self.views == 2 and max(means.values()) > _MUCH:
                 shares += "; was it typed in percent? 0.5 is half of the light, 0.5 % is 0.005"
         else:
             shares = f"up to {np.abs(self.table[1]).max():.2%} of white, by grey levels"
+        through = "through the glasses" if self.views == 2 else "of one view alone"
         return {
             "Stereo system": f"{self.name}, screen {self.size[0]:g} x {self.size[1]:g} m, seen "
             f"from {self.viewing.distance:g} m",
             "Crosstalk": f"{shares} ({self.model})",
-            "Projector": f"white {self.projector.white:g} cd/m² through the glasses, black "
+            "Projector": f"white {self.projector.white:g} cd/m² {through}, black "
             f"{self.projector.black:g} cd/m², {self.projector.primaries} primaries",
             **({} if self.way is None else self.way.facts(self.projector.luminance_weights)),
             **({} if self.way is None or not self._measured else {"Uncertainty": _UNKNOWN}),
@@ -364,7 +369,7 @@ class StereoScene(Scene):
     @property
     def _black(self) -> NDArray[np.float64]:
         """(view, primary) in units of white."""
-        return np.reshape(self.ambient, (2, -1)) / self.projector.white
+        return np.reshape(self.ambient, (self.views, -1)) / self.projector.white
 
     def _share(self, name: str, rows: int, cols: int) -> NDArray[np.float64] | None:
         seat = self.seats[name]
@@ -408,7 +413,8 @@ def _described(file: StereoFile, folder: Path) -> StereoScene:
         return _scene(file, system.projector, system.black, seats, digest)
     lit = file.projector
     projector = Projector(lit.primaries, lit.white_cd_m2, lit.black_cd_m2)
-    black = np.full((2, 3), lit.black_cd_m2)
+    many = file.crosstalk.views
+    black = np.full((2 if many is None else many.count, 3), lit.black_cd_m2)
     if file.crosstalk.polarisation is None:
         seats = _seats(file, _figures(file.crosstalk), _errors(file.crosstalk))
         return _scene(file, projector, black, seats, file.digest)
@@ -442,6 +448,7 @@ def _scene(
         "figures": "figures of the scene file",
         "table": "grey-to-grey table of the scene file",
         "polarisation": "estimated from the described hardware; domesim tabulate traces it",
+        "views": f"{len(black)} views, shares of the scene file",
         "readings": f"measured: {file.crosstalk.readings}",
     }
     return StereoScene(
@@ -485,7 +492,9 @@ def _estimated(
 
 
 def _figures(section: CrosstalkSection) -> NDArray[np.float64]:
-    """(view, primary, primary) crosstalk as the file's figures tell it; 0 for a table."""
+    """Crosstalk as the file's figures tell it, as `Crosstalk` takes it; 0 for a table."""
+    if section.views is not None:
+        return section.views.leaks()
     if section.share is not None:
         return leaks_to_both(section.share, section.share)
     if section.to_left is not None and section.to_right is not None:
@@ -515,7 +524,7 @@ def _seats(
     if not file.seats:
         return {SWEET_SPOT: Seat(matrices, uncertainty=uncertainty)}
     return {
-        seat.name: Seat(matrices, grids(seat), seat.weight, uncertainty=uncertainty)
+        seat.name: Seat(matrices, grids(seat, len(matrices)), seat.weight, uncertainty=uncertainty)
         for seat in file.seats
     }
 

@@ -1,8 +1,9 @@
 """The file of a stereo system, as it is written.
 
-Crosstalk is told in one of four ways: as figures (``share``, or ``to_left`` and ``to_right``), as a
-grey-to-grey ``table``, as the hardware that causes it (``polarisation``), or as ``readings`` of a
-colorimeter. ``to_left`` is what the left eye sees of the right eye's picture.
+Crosstalk is told in one of five ways: as figures (``share``, or ``to_left`` and ``to_right``), as a
+grey-to-grey ``table``, as the hardware that causes it (``polarisation``), as ``readings`` of a
+colorimeter, or between the many ``views`` of a display without glasses. ``to_left`` is what the
+left eye sees of the right eye's picture.
 
 Readings tell the projector, too: its ``primaries`` are "measured" (the common gamut of both), and
 white and black are left out, or are those of the readings.
@@ -15,8 +16,10 @@ import json
 from typing import Annotated, Any, ClassVar, Literal, Self, TypeAlias
 
 import numpy as np
-from pydantic import Discriminator, Field, Tag, model_validator
+from numpy.typing import NDArray
+from pydantic import Discriminator, Field, StrictBool, Tag, model_validator
 
+from domesim.observation.crosstalk import leaks_of_views
 from domesim.observation.projector import MEASURED
 from domesim.scene.fields import (
     TAGS,
@@ -27,9 +30,11 @@ from domesim.scene.fields import (
     Luminance,
     NoLuminance,
     Number,
+    PerPrimary,
     Section,
     Share,
     leak_form,
+    three,
 )
 from domesim.scene.flat_file import FlatProjectorSection, FlatViewingSection, OnItsWay
 
@@ -150,8 +155,53 @@ class PolarisationSection(Section):
     design_nm: Wavelength = 550.0
 
 
+class ViewsSection(Section):
+    """Many views: shares of a view's light that are seen in others, over own light there.
+
+    ``neighbours`` are those in the next view, in the one after it, and so on, to both sides. With
+    ``repeats`` the first view follows the last, as behind lenses and barriers. A ``matrix`` has a
+    row for each seeing view, and a column for each view that is seen in it; what it has of a view
+    in itself is not read.
+    """
+
+    count: Annotated[int, Field(strict=True, ge=2, le=1000)]
+    neighbours: tuple[PerPrimary, ...] | None = None
+    repeats: StrictBool = False
+    matrix: tuple[tuple[PerPrimary, ...], ...] | None = None
+
+    @model_validator(mode="after")
+    def _one_way(self) -> Self:
+        if (self.neighbours is None) == (self.matrix is None):
+            raise ValueError("needs neighbours, or a matrix")
+        if self.matrix is not None:
+            if any(len(line) != self.count for line in (self.matrix, *self.matrix)):
+                raise ValueError(f"matrix: must be {self.count} rows of {self.count} shares")
+            if self.repeats:
+                raise ValueError("repeats is of neighbours: a matrix has all shares")
+        most = self.count // 2 if self.repeats else self.count - 1
+        if self.neighbours is not None and len(self.neighbours) > most:
+            raise ValueError(
+                f"neighbours: {self.count} views have {most} to a side at most, got "
+                f"{len(self.neighbours)}"
+            )
+        return self
+
+    def leaks(self) -> NDArray[np.float64]:
+        """(view, primary, view, primary), seen by sent."""
+        if self.matrix is not None:
+            rows = [[three(share) for share in line] for line in self.matrix]
+            return leaks_of_views(np.moveaxis(np.array(rows), -1, 0))
+        apart = np.abs(np.subtract.outer(range(self.count), range(self.count)))
+        if self.repeats:
+            apart = np.minimum(apart, self.count - apart)
+        shares = np.zeros((3, self.count, self.count))
+        for distance, share in enumerate(self.neighbours or (), 1):
+            shares[:, apart == distance] = np.reshape(three(share), (3, 1))
+        return leaks_of_views(shares)
+
+
 class CrosstalkSection(Section):
-    """Crosstalk, in one of four ways.
+    """Crosstalk, in one of five ways.
 
     ``to_left_error`` and ``to_right_error`` are standard errors of ``to_left`` and ``to_right``.
     ``readings`` is a path from the scene file's folder; ``black`` and ``allow_negative`` say how to
@@ -166,13 +216,16 @@ class CrosstalkSection(Section):
     to_right_error: ErrorOfAView | None = None
     table: TableSection | None = None
     polarisation: PolarisationSection | None = None
+    views: ViewsSection | None = None
     readings: Annotated[str, Field(min_length=1)] | None = None
     black: Literal["included", "subtracted"] | None = None
     allow_negative: bool | None = None
 
     @property
-    def told(self) -> Literal["figures", "table", "polarisation", "readings"]:
+    def told(self) -> Literal["figures", "table", "polarisation", "views", "readings"]:
         """The way in which crosstalk is described."""
+        if self.views is not None:
+            return "views"
         if self.table is not None:
             return "table"
         if self.polarisation is not None:
@@ -187,6 +240,7 @@ class CrosstalkSection(Section):
             "to_left and to_right": one_direction,
             "table": self.table is not None,
             "polarisation": self.polarisation is not None,
+            "views": self.views is not None,
             "readings": self.readings is not None,
         }
         named = [name for name, used in ways.items() if used]
@@ -252,6 +306,17 @@ class StereoFile(OnItsWay):
         return self
 
     @model_validator(mode="after")
+    def _views_fit(self) -> Self:
+        if self.crosstalk.views is None:
+            return self
+        if self.lens is not None or self.room is not None:
+            raise ValueError("crosstalk.views: have neither [lens] nor [room]: leave them out")
+        for number, seat in enumerate(self.seats):
+            if seat.map_left is not None:
+                raise ValueError(f"seats[{number}]: many views have one map, not map_left")
+        return self
+
+    @model_validator(mode="after")
     def _room_fits_filters(self) -> Self:
         if self.room is None or self.crosstalk.polarisation is None:
             return self
@@ -298,17 +363,19 @@ class StereoFile(OnItsWay):
             seat.pop("weight")
         for view in ("left", "right"):
             content["crosstalk"].pop(f"to_{view}_error")
+        if self.crosstalk.views is None:  # transports of pairs are older than many views
+            content["crosstalk"].pop("views")
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
-def grids(seat: SeatSection) -> np.ndarray | None:
+def grids(seat: SeatSection, views: int = 2) -> np.ndarray | None:
     """(view, row, col) coarse map of a seat, or None if it is flat and 1."""
     if seat.map is not None:
-        shares = np.stack([np.array(seat.map)] * 2)
+        shares = np.stack([np.array(seat.map)] * views)
     elif seat.map_left is not None and seat.map_right is not None:
         shares = np.stack([np.array(seat.map_left), np.array(seat.map_right)])
     elif seat.factor != 1:
-        shares = np.ones((2, 1, 1))
+        shares = np.ones((views, 1, 1))
     else:
         return None
     return np.asarray(shares * seat.factor, np.float64)

@@ -17,7 +17,7 @@ from theatres import DATA, needs_data
 from compensate.commands.aiming import Aiming
 from compensate.figures import Appraisal
 from compensate.master import compensate
-from compensate.methods import REFLECTED as METHODS
+from compensate.methods import COMMON as METHODS
 from compensate.pose import Stage, pose
 from compensate.solver.accelerated import Accelerated
 from compensate.solver.admm import ADMM

@@ -70,6 +70,7 @@ VALID: dict[str, dict[str, Any]] = {
     "within_range": {"light": LIGHT, "screen": MASK},
     "require_black": {"black": np.zeros(3), "primaries": 3},
     "leak_matrices": {"crosstalk": 0.02 * np.eye(3)},
+    "leaks_of_views": {"shares": 0.1 * np.ones((4, 4))},
     "over_pixels": {"coarse": np.ones((2, 3, 4)), "rows": 8, "cols": 9},
     "interpolation": {"places": np.linspace(-0.9, 0.9, 5), "nodes": 15},
     "sample_nodes": {"tables": np.ones((2, 15, 15)), "u": np.zeros(4), "v": np.zeros(4)},
