@@ -30,6 +30,7 @@ from compensate.weighting import PerceptualWeighting, Weighting
 from domesim.errors import InputError
 from domesim.frames import Master
 from domesim.light import Light, LightArray, as_sent, on_host, require_finite, require_light
+from domesim.light.planes import gathered
 from domesim.observation.base import AdjointObservation, Observation
 from domesim.scene.loading import AnyScene, as_scene
 from domesim.scene.screening import encoded
@@ -254,7 +255,10 @@ class Solution:
         """Encodes the frame to project; the second value is `Figures.file_clipped`."""
         if self.method == "none" and self.frame.fits:
             return self.frame, 0.0
-        return encoded(self.frame, self.result.light, self.posed.scene, self.posed.screen)
+        light, overlay = self.result.light, self.posed.overlay
+        if overlay is not None:
+            light = overlay.under(light, gathered(self.posed.planes, light.shape))
+        return encoded(self.frame, light, self.posed.scene, self.posed.screen)
 
     def glanced(self, appraisal: Appraisal) -> Glance | None:
         """Forgets the light, once it is encoded, where figures need a glance alone: of domes.

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compensate.aim import Aim, Sight, aimed_light, lifted_light
+from compensate.overlay import Overlay
 from compensate.overview import Overview, Seen
 from compensate.problem import Problem
 from compensate.subtract import Floor, reflecting, subtracted
@@ -59,12 +60,15 @@ class Posed:
         (view, row, col, primary) of it, if it is there.
     look
         What is seen of it in a dome of one view, if that is known.
+    overlay
+        What the server composites over the frames; then `planes` are without it, `whole` with it.
     """
 
     setting: Setting
     planes: Planes
     whole: Light | None = None
     look: Seen | None = None
+    overlay: Overlay | None = None
 
     @cached_property
     def desired(self) -> Light:
@@ -127,7 +131,13 @@ class Posed:
         """The light of exact clipped subtraction."""
         if self.floor is not None:
             return self.floor.subtracted()
-        return self.setting.subtracted(self.desired)
+        return self.setting.subtracted(self.desired, self.bounds(self.desired))
+
+    def bounds(self, like: Light) -> tuple[Array | float, Array | float]:
+        """Returns the least and the most light that can be shown, which broadcast."""
+        if self.overlay is not None:
+            return self.overlay.bounds
+        return 0.0, self.setting.upper_like(like)
 
     @cached_property
     def shown(self) -> Light:
@@ -160,7 +170,7 @@ class Posed:
         wanted = observation.direct(self.desired)
         if isinstance(observation, GreyToGrey):
             observation = observation.linearised(self.subtractive)
-        bounds = 0.0, self.setting.upper_like(wanted)
+        bounds = self.bounds(wanted)
         return Problem(cast("AdjointObservation", observation), self.setting.plain, wanted, bounds)
 
     @cached_property
@@ -189,11 +199,11 @@ class Posed:
             floor, columns = self.floor.planes, setting.columns
             return lifted_light(eye, sight, setting.single, self.own_planes, floor, columns=columns)
         wanted = setting.single.direct(self.desired)
-        upper = setting.upper_like(wanted)
         light, seen = self.subtractive, self.shown
         if setting.single is not self.observation:
             seen = setting.single.observe(light)
-        return aimed_light(eye, sight, setting.single, wanted, light, seen, upper)
+        bounds = self.bounds(wanted)
+        return aimed_light(eye, sight, setting.single, wanted, light, seen, bounds)
 
     def residual(self, light: Light) -> Light:
         """Returns psi(x) - wanted, (seen view, row, col, primary), of all seats."""
@@ -277,8 +287,21 @@ class Stage:
         light = _on(setting.screen, desired)
         return Posed(setting, planes_of(light), light)
 
-    def pose_frame(self, frame: Master) -> tuple[Posed, float]:
-        """Poses a master's file; the second value is the share of its screen out of range."""
+    def pose_frame(self, frame: Master, overlay: Overlay | None = None) -> tuple[Posed, float]:
+        """Poses a master's file; the second value is the share of its screen out of range.
+
+        Parameters
+        ----------
+        frame
+            The master.
+        overlay
+            What the server composites over it, of a pair on a flat screen.
+
+        Returns
+        -------
+        posed, out_of_range
+            The master, ready for a method; and that share, 0..1.
+        """
         setting = self._of_size(*frame.frames[0].pixels.shape[:2])
         shape = len(frame.frames), *frame.frames[0].pixels.shape
         light_of = decoder(frame, self._scene)
@@ -289,7 +312,8 @@ class Stage:
             return self._told(setting, light_of)
         desired, out_of_range = within_range(gathered(light_of, shape), setting.screen)
         desired = _on(setting.screen, desired, desired)
-        return Posed(setting, planes_of(desired), desired), out_of_range
+        shown = desired if overlay is None else overlay.over(desired)
+        return Posed(setting, planes_of(desired), shown, overlay=overlay), out_of_range
 
     def _told(self, setting: Setting, light_of: Planes) -> tuple[Posed, float]:
         """`pose_frame` of a dome's light that is decoded anew for each use."""
@@ -417,10 +441,22 @@ class Setting:
             return np.asarray(dome.screen_like(np.empty(0, np.float32)))
         return self.screen.astype(np.float32)
 
-    def subtracted(self, desired: Light) -> Light:
-        """Subtracts exactly from a master, at the one seat or the mean one."""
-        wanted = self.single.direct(desired)
-        return subtracted(self.single, wanted, (0.0, self.upper_like(wanted)))[0]
+    def subtracted(self, desired: Light, bounds: tuple[Array | float, Array | float]) -> Light:
+        """Subtracts exactly from a master, at the one seat or the mean one.
+
+        Parameters
+        ----------
+        desired
+            (view, row, col, primary) master light.
+        bounds
+            The least and the most light, which broadcast.
+
+        Returns
+        -------
+        light
+            (view, row, col, primary) within bounds.
+        """
+        return subtracted(self.single, self.single.direct(desired), bounds)[0]
 
     @cached_property
     def dome(self) -> LowRankObservation | None:

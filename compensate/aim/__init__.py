@@ -68,7 +68,7 @@ def aimed_light(
     wanted: Light,
     subtractive: Light,
     seen: Light,
-    upper: Array | float = 1.0,
+    bounds: tuple[Array | float, Array | float] = (0.0, 1.0),
 ) -> Light:
     """Computes the light that shows what is aimed at.
 
@@ -82,25 +82,25 @@ def aimed_light(
         (view, row, col, primary) what should be seen.
     subtractive, seen
         Light of exact clipped subtraction, and what is seen of it.
-    upper
-        Largest light, which broadcasts.
+    bounds
+        Least and largest light, which broadcast; the least is 0 where light is reflected.
 
     Returns
     -------
     light
-        (view, row, col, primary) to project, from 0 to `upper`.
+        (view, row, col, primary) to project, within `bounds`.
     """
     if len(wanted) > 1 and reflecting(observation) is None:
         target = veiled(aim, sight, wanted, np.maximum(seen - wanted, 0))
     else:
         floor = _less(seen, observation.direct(subtractive))
         if len(wanted) == 1:
-            return lifted_light(aim, sight, observation, wanted, floor, upper)
+            return lifted_light(aim, sight, observation, wanted, floor, bounds[1])
         target = aimed(
-            aim, sight, observation, wanted, floor, _white(observation, wanted.dtype), upper
+            aim, sight, observation, wanted, floor, _white(observation, wanted.dtype), bounds[1]
         )
         del floor  # it takes memory
-    return subtracted(observation, target, (0.0, upper), start=subtractive)[0]
+    return subtracted(observation, target, bounds, start=subtractive)[0]
 
 
 def _white(observation: Observation, dtype: Any) -> Light:

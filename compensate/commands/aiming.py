@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, final
+from typing import Annotated, Any, final
 
 import typer
 
@@ -68,7 +68,7 @@ class Aiming:
         ),
     ] = CPU
 
-    def recipe(self, choice: SceneChoice, method: str = "perceptual", **ways: bool) -> Compensating:
+    def recipe(self, choice: SceneChoice, method: str = "perceptual", **ways: Any) -> Compensating:
         """What is done to each frame, in the `ways` of `Compensating`.
 
         Raises

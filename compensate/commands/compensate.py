@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import inspect
+from dataclasses import replace
 from typing import Annotated
 
 import typer
 
 from compensate.commands.aiming import Aiming
 from compensate.methods import METHODS
+from compensate.shows.titles import titles_of
 from compensate.solver.fitting import Fitted
 from domesim.commands.options import Place, Telling, grouped
 from domesim.commands.shows import Doing, Masters, Results
@@ -42,6 +44,18 @@ def compensate(
             "predict' finds the pollution there (eq. 7 of the paper). No certificate.",
         ),
     ] = False,
+    overlay: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--overlay",
+            metavar="FILE",
+            help="Pairs: what the server composites over the frames, such as subtitles: a picture "
+            "with alpha, or a numbered sequence of some of the frames. Given once it is for both "
+            "eyes, twice for left and right. Its ghosts are subtracted in advance; the results are "
+            "without it.",
+            show_default=False,
+        ),
+    ] = None,
     pages: Annotated[
         int | None,
         typer.Option(
@@ -65,6 +79,7 @@ def compensate(
     console = telling.console()
     choice, scene = place.load(console)
     recipe = aiming.recipe(choice, method, only_visible=only_visible, spatial=spatial)
+    recipe = replace(recipe, titles=titles_of(overlay or [], scene))
     recipe.require_sense(scene)
     if doing.scheduler is None:  # whose workers may have a device that this machine has not
         solver = recipe.solver(scene, console.note)

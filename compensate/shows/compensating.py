@@ -19,6 +19,7 @@ from compensate.pose import Eye, Posed, Stage
 from compensate.ruler import NO_DIFFERENCE, PEOPLE_SAY, agreeing, compared
 from compensate.shows.films import films_lost
 from compensate.shows.over_time import timeline
+from compensate.shows.titles import Titles
 from compensate.solve import solved
 from compensate.solver.accelerated import Accelerated
 from compensate.solver.result import Status
@@ -70,6 +71,8 @@ class Compensating(Recipe):
         Solve only where what subtraction leaves is predicted to be seen.
     spatial
         Count errors by how visible the pollution is there (eq. 7).
+    titles
+        What a server composites over the frames; None for nothing.
     """
 
     scene: SceneChoice
@@ -81,6 +84,7 @@ class Compensating(Recipe):
     device: str = CPU
     only_visible: bool = False
     spatial: bool = False
+    titles: Titles | None = None
 
     def work(self, note: Note) -> Work[Any, Any]:
         """See `Recipe`."""
@@ -89,7 +93,8 @@ class Compensating(Recipe):
         stage = Stage(theatre, self.weighting(theatre))
 
         def prepare(source: Master) -> tuple[Master, Posed, float]:
-            return source, *stage.pose_frame(source)
+            overlay = None if self.titles is None else self.titles.of(source, theatre)
+            return source, *stage.pose_frame(source, overlay)
 
         def solve(given: tuple[Master, Posed, float]) -> Solution:
             source, posed, out_of_range = given
@@ -203,8 +208,11 @@ class Compensating(Recipe):
 
     def settings(self) -> dict[str, Any]:
         """See `Recipe`."""
-        settings = {name: value for name, value in vars(self).items() if name != "scene"}
+        left_out = ("scene", "titles")
+        settings = {name: value for name, value in vars(self).items() if name not in left_out}
         settings = {"command": "compensate", **self.scene.settings(), **settings}
+        if self.titles is not None:
+            settings["overlay"] = self.titles.settings()
         if self._least_squares(self.scene.load()):
             # Solvers round otherwise with it; nothing else uses it
             settings["fast"] = transforms().__name__
@@ -297,7 +305,8 @@ class Compensating(Recipe):
         stage = Stage(theatre, self.weighting(theatre))
 
         def shown(master: Master) -> tuple[Posed, dict[str, Light]]:
-            posed, _ = stage.pose_frame(master)
+            overlay = None if self.titles is None else self.titles.of(master, theatre)
+            posed, _ = stage.pose_frame(master, overlay)
             chosen = SpatiallyWeighted(posed, self._masked(posed)) if self.spatial else solver
             light = solved(posed, self.method, chosen).light
             ways = {"as shown": light, "subtracted": posed.subtractive, "untouched": posed.desired}
@@ -348,7 +357,10 @@ def _end(solution: Solution, write: Write) -> tuple[dict[str, Any], str]:
     stored = write.stored()
     bits, suffix = stored.bits, stored.path.suffix
     by_strips = posed.floor is not None
-    lost = appraisal.loss((decoder if by_strips else decoded)(stored, posed.scene))
+    if posed.overlay is not None:
+        lost = appraisal.loss(posed.overlay.over(decoded(stored, posed.scene)))
+    else:
+        lost = appraisal.loss((decoder if by_strips else decoded)(stored, posed.scene))
     del stored
     line = line_of(found)
     if coarse > COARSE:

@@ -51,6 +51,37 @@ def find_frames(pattern: str | Path, frames: str | None = None) -> tuple[Path, .
     return tuple(_find(Path(pattern), frames).values())
 
 
+def files_by_number(pattern: str | Path) -> dict[int | None, Path]:
+    """The files that `pattern` means, by frame number, of which any may be missing.
+
+    Parameters
+    ----------
+    pattern
+        As for `find_frames`; of videos it is not taken.
+
+    Returns
+    -------
+    files
+        In no order; None is the number of a single file.
+
+    Raises
+    ------
+    InputError
+        If there is no such file, or no frame.
+    """
+    path = Path(pattern)
+    kind, numbered = _kind(path), _numbered(path)
+    if numbered is None or kind == "file":
+        return {None: _single(path, kind, None)}
+    return {number: file for number, file in _on_disk(path, numbered).items()}  # noqa: C416
+
+
+def number_of(frame: Path) -> int | None:
+    """The number of a sequence's frame: the last one in its name; None if it has none."""
+    found = _LAST_NUMBER.search(frame.stem)
+    return None if found is None else int(found[0])
+
+
 def find_moments(pattern: str | Path, frames: str | None = None) -> tuple[tuple[Path, ...], ...]:
     """The files of each moment: one of `find_frames`, or left and right of a DCP of two eyes.
 
