@@ -308,9 +308,8 @@ def _parts(observation: Observation, like: Floats) -> _Parts | None:
         return _of_dome(observation.factors_like(like))
     if isinstance(observation, Crosstalk):
         none = np.zeros((0, *like.shape[1:3]), like.dtype)
-        # Of a whole row: NumPy repeats three numbers slowly
-        black = np.repeat(observation.black[:, None, None, :], like.shape[2], 2).astype(like.dtype)
-        return _Parts(None, none, none, np.zeros((1, 0, 0)), None, black, observation)
+        dark = observation.dark.astype(like.dtype)
+        return _Parts(None, none, none, np.zeros((1, 0, 0)), None, dark, observation)
     if isinstance(observation, Followed):
         first, then = observation.first, observation.then
         if isinstance(first, ReflectedViews) and isinstance(then, Crosstalk):

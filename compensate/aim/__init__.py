@@ -18,10 +18,11 @@ from compensate.aim.pair import veiled
 from compensate.aim.pair_in_a_dome import aimed
 from compensate.aim.settings import Aim, Sight
 from compensate.subtract import reflecting, subtracted
-from domesim.light import Array, Light
+from domesim.light import Array, Light, namespace
 from domesim.light.planes import Columns, Planes, dtype_of
 from domesim.light.strips import in_strips
 from domesim.observation.base import Observation
+from domesim.observation.crosstalk import Crosstalk
 from domesim.observation.lowrank import LowRankObservation
 
 __all__ = ["Aim", "Sight", "aimed_light", "lifted_light"]
@@ -91,7 +92,7 @@ def aimed_light(
         (view, row, col, primary) to project, within `bounds`.
     """
     if len(wanted) > 1 and reflecting(observation) is None:
-        target = veiled(aim, sight, wanted, np.maximum(seen - wanted, 0))
+        target = veiled(aim, sight, wanted, np.maximum(seen - _beside(observation, wanted), 0))
     else:
         floor = _less(seen, observation.direct(subtractive))
         if len(wanted) == 1:
@@ -101,6 +102,15 @@ def aimed_light(
         )
         del floor  # it takes memory
     return subtracted(observation, target, bounds, start=subtractive)[0]
+
+
+def _beside(observation: Observation, wanted: Light) -> Light:
+    """Light beside which ghosts are seen: what is wanted, or the background if that is brighter."""
+    if not isinstance(observation, Crosstalk) or observation.black.ndim == 2:
+        return wanted
+    xp = namespace(wanted)
+    dark = xp.asarray(observation.dark, dtype=wanted.dtype, device=wanted.device)
+    return xp.maximum(wanted, dark)
 
 
 def _white(observation: Observation, dtype: Any) -> Light:

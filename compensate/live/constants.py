@@ -176,13 +176,13 @@ def constants_of(scene: Scene, rows: int, cols: int, aim: Aim | None = None) -> 
     )
     if isinstance(observation, LowRankObservation):
         return _of_dome(observation, sight, aim)
-    if isinstance(observation, Crosstalk) and scene.views == 2:
+    if isinstance(observation, Crosstalk) and scene.views == 2 and observation.black.ndim == 2:
         return _of_pair(observation, sight, aim)
     raise InputError(
         f"{scene.name}: live pictures are of domes and rooms with one view, or of linear "
-        f"crosstalk of a pair, not of many views, 3D domes, tables from grey to grey, scattered "
-        f"light ([lens]), or 3D screens with a [room]; compensate such shows as files (domesim "
-        f"compensate)"
+        f"crosstalk of a pair, not of many views, displays before a photograph, 3D domes, tables "
+        f"from grey to grey, scattered light ([lens]), or 3D screens with a [room]; compensate "
+        f"such shows as files (domesim compensate)"
     )
 
 

@@ -177,8 +177,10 @@ def _observation(observation: Any, light: Light, around: Box) -> AdjointObservat
         if share.shape[1:] != (1, 1):
             share = share[:, around[0], around[1]]
         rows, cols = (side.stop - side.start for side in around)
-        flat = np.broadcast_to(share, (2, rows, cols))
-        return Crosstalk(rows, cols, observation.matrices, share=flat, black=observation.black)
+        flat = np.broadcast_to(share, (len(share), rows, cols))
+        black = observation.black
+        black = black[:, around[0], around[1]] if black.ndim > 2 else black
+        return Crosstalk(rows, cols, observation.leaks, share=flat, black=black)
     if isinstance(observation, LowRankObservation):
         factors = observation.factors
         place = (slice(None), *around)

@@ -52,7 +52,8 @@ class Crosstalk(StereoObservation):
     share
         (view, row, col) s; 1 everywhere if None.
     black
-        (view, primary) light that each eye sees without any picture, in units of white.
+        Light that each eye sees without any picture, in units of white: (view, primary), or (view,
+        row, col, primary) where it has a place, such as the room behind a display that adds light.
 
     Raises
     ------
@@ -87,7 +88,8 @@ class Crosstalk(StereoObservation):
         self._shape = (views, rows, cols, primaries)
         self._leaks = leaks
         self._share = np.asarray(share, np.float64)
-        self._black = require_black(black, primaries, views)
+        placed = np.shape(black) == self._shape
+        self._black = require_black(black, primaries, self._shape if placed else (views,))
         _require_possible(self._leaks, self._share)
         self._converted: dict[tuple[str, ...], tuple[_Leaks, list[Array], Array]] = {}
 
@@ -113,8 +115,15 @@ class Crosstalk(StereoObservation):
 
     @property
     def black(self) -> NDArray[np.float64]:
-        """(view, primary) light without any picture."""
+        """Light without any picture: (view, primary), or (view, row, col, primary)."""
         return self._black
+
+    @property
+    def dark(self) -> NDArray[np.float64]:
+        """The same as (view, 1 or row, col, primary): NumPy repeats three numbers slowly."""
+        if self._black.ndim == len(self._shape):
+            return self._black
+        return np.repeat(self._black[:, None, None, :], self._shape[2], axis=2)
 
     @property
     def central(self) -> NDArray[Any]:
@@ -155,7 +164,8 @@ class Crosstalk(StereoObservation):
                 part += each
             part *= share[view] if len(share[view]) == 1 else share[view][rows]
             part += light[view, rows]
-            np.add(part, black[view], out=seen[view, rows])
+            dark = black[view] if len(black[view]) == 1 else black[view][rows]
+            np.add(part, dark, out=seen[view, rows])
 
         in_strips(observe, light.shape)
         return seen
@@ -180,7 +190,7 @@ class Crosstalk(StereoObservation):
         return light
 
     def _like(self, light: Light) -> tuple[_Leaks, list[Array], Array]:
-        """Leaks and maps (row, col, 1) by view, and black (view, 1, col, primary)."""
+        """Leaks and maps (row, col, 1) by view, and `dark`."""
         key = kind(light)
         if key not in self._converted:
             xp = namespace(light)
@@ -194,8 +204,7 @@ class Crosstalk(StereoObservation):
                     for each in self._leaks
                 ],
                 [convert(plane[..., None]) for plane in self._share],
-                # Of a whole row: NumPy repeats three numbers slowly.
-                convert(np.repeat(self._black[:, None, None, :], self._shape[2], axis=2)),
+                convert(self.dark),
             )
         return self._converted[key]
 

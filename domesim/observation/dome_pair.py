@@ -155,9 +155,9 @@ def dome_pair(
     Raises
     ------
     InputError
-        If crosstalk has a map.
+        If crosstalk has a map, or its black a place.
     """
-    if crosstalk.share.shape[1:] != (1, 1):
+    if crosstalk.share.shape[1:] != (1, 1) or crosstalk.black.ndim > 2:
         raise InputError(
             "crosstalk of a 3D dome must be one share for all of the screen, got a map"
         )

@@ -46,20 +46,25 @@ class StereoObservation(AdjointObservation):
 
 
 @guarded
-def require_black(black: ArrayLike, primaries: int, views: int = 2) -> NDArray[np.float64]:
+def require_black(
+    black: ArrayLike, primaries: int, shape: tuple[int, ...] = (2,)
+) -> NDArray[np.float64]:
     """Light without any picture, in full.
 
     Parameters
     ----------
     black
-        Light, 1.0 = projector white: one number, (view, 1), (primary,) or (view, primary).
-    primaries, views
-        Numbers of primaries and views.
+        Light, 1.0 = projector white: one number, (view, 1), (primary,) or (view, primary); or of
+        `shape`.
+    primaries
+        Number of primaries.
+    shape
+        (view,), or (view, row, col, primary) of light that has a place.
 
     Returns
     -------
     black
-        (view, primary).
+        (view, primary), or of `shape`.
 
     Raises
     ------
@@ -69,10 +74,11 @@ def require_black(black: ArrayLike, primaries: int, views: int = 2) -> NDArray[n
         If it has another shape.
     """
     stated = np.asarray(black, np.float64)
-    if stated.shape not in {(), (views, 1), (primaries,), (views, primaries)}:
-        raise InputError(f"black takes shape ({views}, {primaries}), got {stated.shape}")
+    full = shape if len(shape) > 1 else (*shape, primaries)
+    if stated.shape not in {(), (shape[0], 1), (primaries,), full}:
+        raise InputError(f"black takes shape {full}, got {stated.shape}")
     if not np.isfinite(stated).all():
         raise InputError("black must be finite, got NaN or infinity")
     if stated.min() < 0:
         raise InputError(f"black must be light >= 0, got {stated.min():g}")
-    return np.array(np.broadcast_to(stated, (views, primaries)))
+    return np.array(np.broadcast_to(stated, full))

@@ -112,6 +112,9 @@ def scene_content(name_or_path: str | Path) -> dict[str, Any]:
     content = toml_in(text)
     for mesh in content.get("meshes", []):
         mesh["file"] = str((folder / mesh["file"]).resolve())
+    ambient = content.get("ambient", {})
+    if "photograph" in ambient:
+        ambient["photograph"] = str((folder / ambient["photograph"]).resolve())
     screen = content.get("screen", {})
     if "albedo_map" in screen:
         screen["albedo_map"] = str((folder / screen["albedo_map"]).resolve())

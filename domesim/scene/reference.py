@@ -46,6 +46,7 @@ _EXAMPLES: dict[str, Any] = {
     "projector.units.shift": [0.0, 0.3],
     "projector.units.mask": "left.mask.png",
     "ambient.luminance_cd_m2": 0.002,
+    "ambient.photograph": "room.jpg",
     "screen.albedo_map": "paint.png",
     "screen.lobe.share": 0.25,
     "screen.lobe.roughness": 0.3,

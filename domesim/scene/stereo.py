@@ -12,7 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from domesim.errors import InputError
+from domesim.frames import read_frame
 from domesim.host.console import about
+from domesim.light import transfer
+from domesim.light.blocks import light_means
 from domesim.observation.base import AdjointObservation
 from domesim.observation.crosstalk import Crosstalk, leak_matrices, leaks_to_both, over_pixels
 from domesim.observation.grey_to_grey import GreyToGrey
@@ -35,6 +38,8 @@ from domesim.scene.stereo_measured import measured_system
 from domesim.stereo.polarisation import crosstalk_estimate
 from domesim.stereo.system import CircularFilter, PolarisedProjector, SilverScreen, StereoTheatre
 
+_LARGEST = 2048
+"""Most rows or columns that a background keeps."""
 MAP_CELLS = (9, 15)
 """Rows and cols of a crosstalk map that is computed: it is smooth."""
 
@@ -108,6 +113,9 @@ class StereoScene(Scene):
         Crosstalk by the seats' names.
     chosen
         The seats that are looked from: one, or several at once.
+    background
+        (row, col, primary) light of what is seen through the display, in units of white; None if
+        it has no place.
     table
         Levels and (view, own level, other level) grey-to-grey crosstalk, instead of the seats'.
     theatre
@@ -134,6 +142,7 @@ class StereoScene(Scene):
     ambient: NDArray[np.float64]
     seats: Mapping[str, Seat]
     chosen: tuple[str, ...]
+    background: NDArray[np.float32] | None = None
     table: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
     theatre: StereoTheatre | None = None
     way: LightsWay | None = None
@@ -271,7 +280,7 @@ class StereoScene(Scene):
                 cols,
                 self.seats[name].matrices,
                 share=self._share(name, rows, cols),
-                black=self._black,
+                black=self._dark(rows, cols),
             )
             for name in self.chosen
         ]
@@ -327,7 +336,7 @@ class StereoScene(Scene):
             weight * seat.matrices for weight, seat in zip(self.weights, chosen, strict=True)
         )
         return Crosstalk(
-            rows, cols, np.asarray(matrices), share=np.asarray(share), black=self._black
+            rows, cols, np.asarray(matrices), share=np.asarray(share), black=self._dark(rows, cols)
         )
 
     def screen(self, rows: int, cols: int) -> NDArray[np.bool_]:
@@ -371,6 +380,15 @@ class StereoScene(Scene):
         """(view, primary) in units of white."""
         return np.reshape(self.ambient, (self.views, -1)) / self.projector.white
 
+    def _dark(self, rows: int, cols: int) -> NDArray[np.float64]:
+        """Light without any picture: (view, primary), or with a place."""
+        if self.background is None:
+            return self._black
+        step = max(1, min(self.background.shape[0] // rows, self.background.shape[1] // cols))
+        means = np.moveaxis(light_means(self.background[None], step)[0], -1, 0)
+        behind = np.moveaxis(over_pixels(means, rows, cols, sloping=False), 0, -1)
+        return np.asarray(self._black[:, None, None, :] + behind)
+
     def _share(self, name: str, rows: int, cols: int) -> NDArray[np.float64] | None:
         seat = self.seats[name]
         if seat.share is None:
@@ -399,7 +417,7 @@ def built(file: StereoFile, folder: Path) -> StereoScene:
     InputError
         If crosstalk is impossible; or it names readings, and these cannot be read or do not fit.
     """
-    scene = _described(file, folder)
+    scene = _before(_described(file, folder), file, folder)
     _require_possible(scene)
     polarised = file.crosstalk.polarisation is not None
     return replace(scene, way=way_of(file, polarised=polarised))
@@ -422,6 +440,24 @@ def _described(file: StereoFile, folder: Path) -> StereoScene:
     seats = _estimated(file, theatre, projector.luminance_weights)
     scene = _scene(file, projector, black, seats, file.digest)
     return replace(scene, theatre=theatre)
+
+
+def _before(scene: StereoScene, file: StereoFile, folder: Path) -> StereoScene:
+    """The same display before the background that its file names."""
+    if file.ambient.photograph is None:
+        return scene
+    luminance, projector = file.ambient.luminance_cd_m2, scene.projector
+    if not luminance:
+        raise InputError(
+            "ambient.luminance_cd_m2: a photograph's white is 0; say how bright it is, in cd/m²"
+        )
+    photograph = read_frame(folder / file.ambient.photograph)
+    curve = transfer.named(photograph.colour.transfer, white=luminance)
+    light = projector.decode(photograph.pixels[None], curve, photograph.colour.primaries)
+    step = -(-max(light.shape[1:3]) // _LARGEST)
+    behind = np.maximum(light_means(light, step)[0], 0) * (luminance / projector.white)
+    seen = hashlib.sha256(scene.digest.encode() + behind.astype(np.float32).tobytes())
+    return replace(scene, background=behind.astype(np.float32), digest=seen.hexdigest())
 
 
 def _require_possible(scene: StereoScene) -> None:
@@ -460,7 +496,7 @@ def _scene(
         ),
         sources=file.sources,
         size=(screen.width_m, screen.height_m),
-        ambient=black + file.ambient.luminance_cd_m2,
+        ambient=black + (0 if file.ambient.photograph else file.ambient.luminance_cd_m2),
         seats=seats,
         chosen=(next(iter(seats)),),
         table=None

@@ -200,6 +200,16 @@ class ViewsSection(Section):
         return leaks_of_views(shares)
 
 
+class BackgroundSection(AmbientSection):
+    """Light without any picture, by luminance.
+
+    A ``photograph`` of what is seen through a display that adds light gives it a place; its white
+    is ``luminance_cd_m2``. It is as wide and as high as the display, beside the scene's file.
+    """
+
+    photograph: Annotated[str, Field(min_length=1)] | None = None
+
+
 class CrosstalkSection(Section):
     """Crosstalk, in one of five ways.
 
@@ -265,7 +275,7 @@ class StereoFile(OnItsWay):
     name: str
     description: str = ""
     projector: ProjectorSection
-    ambient: AmbientSection = AmbientSection()
+    ambient: BackgroundSection = BackgroundSection()
     crosstalk: CrosstalkSection
     seats: tuple[SeatSection, ...] = ()
     viewing: FlatViewingSection
@@ -302,6 +312,17 @@ class StereoFile(OnItsWay):
             raise ValueError(
                 "crosstalk.table: knows light as it is seen, with all that happens to it; leave "
                 "[lens] and [room] out"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _background_fits(self) -> Self:
+        if self.ambient.photograph is None:
+            return self
+        if self.lens is not None or self.room is not None or self.crosstalk.table is not None:
+            raise ValueError(
+                "ambient.photograph: goes with neither [lens], [room] nor [crosstalk.table]: leave "
+                "them out"
             )
         return self
 
