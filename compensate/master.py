@@ -32,8 +32,9 @@ from domesim.frames import Master
 from domesim.light import Light, LightArray, as_sent, on_host, require_finite, require_light
 from domesim.light.planes import gathered
 from domesim.observation.base import AdjointObservation, Observation
+from domesim.scene.grade import KEPT
 from domesim.scene.loading import AnyScene, as_scene
-from domesim.scene.screening import encoded
+from domesim.scene.screening import decoder, encoded
 
 WEIGHTINGS: Mapping[str, Callable[[], Eye]] = {"aim": Aim, "paper": PerceptualWeighting}
 """What a picture is made for, by name."""
@@ -65,7 +66,8 @@ def compensate(
     ----------
     desired
         (view, row, col, primary) master light in 0..1: a domemaster, or left and right. It is
-        wanted *without* pollution and ambient light.
+        wanted *without* pollution; of light without a picture it is wanted with what the scene
+        keeps of that (`Scene.with_grade`): by default a flat screen's black, and nothing in a dome.
     scene
         The theatre, or stereo system; or its name or file.
     method
@@ -77,7 +79,8 @@ def compensate(
         weighting of one's own, such as `compensate.own.LinearWeighting`.
     observation
         What is seen, if not by the scene's own: such as
-        `domesim.observation.linear.LinearObservation`. What its class offers decides. The aim needs
+        `domesim.observation.linear.LinearObservation`. Of its light without a picture nothing is
+        kept. What its class offers decides. The aim needs
         no more than ``observe`` and ``direct``: it is the default of a `LowRankObservation`, as of
         a scene's own, and of what has no adjoint. Of others the default is the paper's
         weighting, by a solver of `compensate.solver.fitting`; ``weighting="aim"`` fits them, too.
@@ -255,10 +258,16 @@ class Solution:
         """Encodes the frame to project; the second value is `Figures.file_clipped`."""
         if self.method == "none" and self.frame.fits:
             return self.frame, 0.0
-        light, overlay = self.result.light, self.posed.overlay
-        if overlay is not None:
-            light = overlay.under(light, gathered(self.posed.planes, light.shape))
-        return encoded(self.frame, light, self.posed.scene, self.posed.screen)
+        posed, light = self.posed, self.result.light
+        before = unclipped = None
+        if posed.scene.grade.gamut == KEPT:
+            before = posed.planes
+            unclipped = decoder(self.frame, posed.scene) if self.out_of_range else None
+        if posed.overlay is not None:
+            light = posed.overlay.under(light, gathered(posed.planes, light.shape))
+        return encoded(
+            self.frame, light, posed.scene, posed.screen, before=before, unclipped=unclipped
+        )
 
     def glanced(self, appraisal: Appraisal) -> Glance | None:
         """Forgets the light, once it is encoded, where figures need a glance alone: of domes.

@@ -75,7 +75,7 @@ STEREO: Mapping[str, Chosen] = {
     "lab-subtractive": lambda scene, problem: PerceptualSubtraction(scene.projector.to_xyz),
     "raised-black": lambda scene, problem: RaisedBlack(),
     "raised-black-local": _locally_raised,
-    "player-shader": lambda scene, problem: PlayerShader(),
+    "player-shader": lambda scene, problem: PlayerShader(scene.kept),
     "none": lambda scene, problem: Untouched(),
 }
 

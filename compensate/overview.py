@@ -33,7 +33,7 @@ class Seen(NamedTuple):
     small
         (seen view, row, col, primary) means: see `compensate.ruler.averaged`.
     own, excited
-        Of a dome of one view: means of what is seen without pollution, and (primary, rank) by how
+        Of a dome of one view: means of what should be seen, and (primary, rank) by how
         much each mode is seen. None of anything else.
     """
 
@@ -54,12 +54,19 @@ class Overview:
         (row, col) bool: pixels that count.
     areas
         (row, col) of the pixels, m².
+    kept
+        (view, primary) light without a picture that is no pollution; None for none.
     """
 
     def __init__(
-        self, observation: Observation, screen: NDArray[np.bool_], areas: NDArray[np.floating]
+        self,
+        observation: Observation,
+        screen: NDArray[np.bool_],
+        areas: NDArray[np.floating],
+        kept: Floats | None = None,
     ) -> None:
         self._observation, self._screen, self._areas = observation, screen, areas
+        self._kept = kept
         self._columns = Columns(screen)
 
     def of(self, light: Light | Planes) -> Seen:
@@ -86,6 +93,8 @@ class Overview:
         modes, room = self._small
         own = sums / block_of(self._screen) ** 2
         small = own + room + np.tensordot(excited.astype(own.dtype), modes, 1)
+        if self._kept is not None:
+            own = own + self._kept[0].astype(own.dtype)[:, None, None] * self._on
         small, own = (np.ascontiguousarray(np.moveaxis(each, 0, -1)[None]) for each in (small, own))
         return Seen(small, own, excited)
 
@@ -170,13 +179,21 @@ class Overview:
         return small(self._factors.spread), small(self._factors.ambient)
 
     @cached_property
+    def _on(self) -> Floats:
+        """(row, col) how much of each block lies on the screen."""
+        on = self._screen.astype(np.float32)[None, :, :, None]
+        return np.asarray(averaged(on, self._screen)[0, ..., 0])
+
+    @cached_property
     def _means(self) -> tuple[Floats, Floats]:
-        """(rank,) and (primary,) means of the same over the screen's area."""
+        """(rank,) and (primary,) means of the same over the screen's area, without what is kept."""
         areas, whole = self._areas, float(self._areas.sum())
         modes, room = (
             np.array([_summed(areas, plane) / whole for plane in planes])
             for planes in (self._factors.spread, self._factors.ambient)
         )
+        if self._kept is not None:
+            room -= self._kept[0] * _summed(areas, self._screen.astype(areas.dtype)) / whole
         return modes, room
 
 

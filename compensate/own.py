@@ -9,6 +9,7 @@ from collections.abc import Callable
 from typing import final
 
 from compensate.fourier import Fourier
+from compensate.pose import graded
 from compensate.problem import Problem
 from compensate.solver.accelerated import Accelerated
 from compensate.weighting import REGULARISATION, PerceptualWeighting, Weighting
@@ -90,7 +91,7 @@ def own_problem(
     scene
         The theatre, or stereo system of one seat.
     observation
-        What is seen; None for the scene's.
+        What is seen, none of whose light without a picture is kept; None for the scene's.
     weighting
         How much a residual matters; None for the paper's.
 
@@ -107,8 +108,9 @@ def own_problem(
         If shapes do not fit.
     """
     rows, cols = desired.shape[1:3]
-    screen = scene.screen(rows, cols)
+    screen, kept = scene.screen(rows, cols), None
     if observation is None:
+        kept = scene.kept
         observation = scene.solvable(rows, cols)
     if not isinstance(observation, AdjointObservation):
         raise InputError(
@@ -122,7 +124,7 @@ def own_problem(
         weighting = settings(scene.viewing, scene.projector.luminance_weights, screen, views)
     on = screen[None, :, :, None].astype(desired.dtype)
     desired = desired * on
-    wanted = observation.direct(desired)
+    wanted = graded(observation.direct(desired), kept, screen)
     bounds = (0.0, on)
     plain = LinearWeighting(observation.seen_shape, lambda light: light, lambda light: light)
     nearest = Accelerated(1e-3)(Problem(observation, plain, wanted, bounds), desired)

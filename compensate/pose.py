@@ -36,6 +36,7 @@ from domesim.observation.lowrank import LowRankObservation
 from domesim.observation.seats import SeveralSeats
 from domesim.observation.uncertain import Uncertain
 from domesim.scene import Scene, StereoScene
+from domesim.scene.grade import TAKEN_OUT
 from domesim.scene.screening import SLACK, beyond, decoder, is_cheap, within_range
 
 NEGLIGIBLE = 0.001
@@ -113,16 +114,22 @@ class Posed:
     @cached_property
     def own_planes(self) -> Planes:
         """What tells what should be seen in a dome of one view."""
-        planes, dome = self.planes, self.setting.single
+        planes, dome, kept = self.planes, self.setting.single, self.setting.kept
         assert isinstance(dome, LowRankObservation)
-        if dome.has_unit_gain:
+        if dome.has_unit_gain and kept is None:
             return planes
 
         # It does not know this object, whose memory would stay until Python looks for cycles
         def gained(view: int, rows: Index, cols: Index) -> Sequence[Array]:
             found = planes(view, rows, cols)
-            gain = dome.on_screen_like(found[0]).direct_gain[rows, cols]
-            return [plane * gain for plane in found]
+            if not dome.has_unit_gain:
+                gain = dome.on_screen_like(found[0]).direct_gain[rows, cols]
+                found = [plane * gain for plane in found]
+            if kept is None:
+                return found
+            on = dome.screen_like(found[0])[rows, cols]
+            black = kept[view].astype(on.dtype)
+            return [plane + each * on for plane, each in zip(found, black, strict=True)]
 
         return gained
 
@@ -158,7 +165,7 @@ class Posed:
     @cached_property
     def wanted(self) -> Light:
         """(seen view, row, col, primary) what all seats should see."""
-        return self.observation.direct(self.desired)
+        return self.setting.wanted(self.desired, self.observation)
 
     @cached_property
     def single(self) -> Problem:
@@ -167,7 +174,7 @@ class Posed:
         A table from grey to grey is linearised about subtraction.
         """
         observation = self.setting.single
-        wanted = observation.direct(self.desired)
+        wanted = self.setting.wanted(self.desired, observation)
         if isinstance(observation, GreyToGrey):
             observation = observation.linearised(self.subtractive)
         bounds = self.bounds(wanted)
@@ -198,7 +205,7 @@ class Posed:
         if self.floor is not None:
             floor, columns = self.floor.planes, setting.columns
             return lifted_light(eye, sight, setting.single, self.own_planes, floor, columns=columns)
-        wanted = setting.single.direct(self.desired)
+        wanted = setting.wanted(self.desired, setting.single)
         light, seen = self.subtractive, self.shown
         if setting.single is not self.observation:
             seen = setting.single.observe(light)
@@ -243,7 +250,7 @@ class Stage:
     weighting
         What pictures are made for; the aim by default.
     observation
-        What is seen, if not by the scene's own.
+        What is seen, if not by the scene's own: none of its light without a picture is kept.
     """
 
     def __init__(
@@ -369,6 +376,12 @@ class Setting:
     areas: NDArray[np.floating]
 
     @cached_property
+    def kept(self) -> NDArray[np.float64] | None:
+        """(view, primary) light without a picture that belongs to the grade; None for none."""
+        kept = self.scene.kept
+        return kept if kept.any() else None
+
+    @cached_property
     def sight(self) -> Sight:
         """How a picture is seen."""
         projector = self.scene.projector
@@ -378,7 +391,7 @@ class Setting:
     @cached_property
     def overview(self) -> Overview:
         """What is seen at all seats, as figures take it."""
-        return Overview(self.observation, self.screen, self.areas)
+        return Overview(self.observation, self.screen, self.areas, self.kept)
 
     @cached_property
     def uncertain(self) -> Uncertain | None:
@@ -456,7 +469,24 @@ class Setting:
         light
             (view, row, col, primary) within bounds.
         """
-        return subtracted(self.single, self.single.direct(desired), bounds)[0]
+        return subtracted(self.single, self.wanted(desired, self.single), bounds)[0]
+
+    def wanted(self, desired: Light, observation: Observation) -> Light:
+        """Computes what should be seen: direct light, and what is kept of light without a picture.
+
+        Parameters
+        ----------
+        desired
+            (view, row, col, primary) master light, 0 off the screen.
+        observation
+            What is seen, at one seat or at all.
+
+        Returns
+        -------
+        wanted
+            (seen view, row, col, primary).
+        """
+        return graded(observation.direct(desired), self.kept, self.screen)
 
     @cached_property
     def dome(self) -> LowRankObservation | None:
@@ -474,10 +504,40 @@ def _setting(
             # One picture serves all seats: it is made for what the mean one is shown
             assert isinstance(scene, StereoScene)
             single = scene.mean_seat(rows, cols)
+    else:  # of whose light without a picture nobody says that it was graded on
+        scene = scene.with_grade(TAKEN_OUT, TAKEN_OUT)
     assert single is not None
     return Setting(
         scene, eye, observation, single, scene.screen(rows, cols), scene.pixel_areas(rows, cols)
     )
+
+
+def graded(direct: Light, kept: NDArray[np.floating] | None, screen: NDArray[np.bool_]) -> Light:
+    """Adds light without a picture that belongs to the grade.
+
+    Parameters
+    ----------
+    direct
+        (seen view, row, col, primary) direct light of the master.
+    kept
+        (view, primary) of one seat; None for none.
+    screen
+        (row, col) bool: where it is seen.
+
+    Returns
+    -------
+    wanted
+        As `direct`.
+    """
+    if kept is None:
+        return direct
+    xp = namespace(direct)
+    black = np.tile(kept, (direct.shape[0] // len(kept), 1))[:, None, None, :]
+    added = xp.asarray(black, dtype=direct.dtype, device=direct.device)
+    if screen.all():
+        return direct + added
+    on = xp.asarray(screen, dtype=direct.dtype, device=direct.device)
+    return direct + added * on[None, :, :, None]
 
 
 def require_within_range(desired: Light, screen: NDArray[np.bool_]) -> None:

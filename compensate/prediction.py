@@ -26,7 +26,8 @@ missing there, with the threshold that TVI has measured for wide fields:
 R is `masking.transducer`, and v_0 = 1 at its threshold like every other mechanism's. A veil is
 seen when TVI says so; a ghost in a texture of its own kind is masked as before.
 
-What is polluted? The room's own light (`psi(0)`: projector black, stray light) is there in any
+What is polluted? The room's own light (`psi(0)`: projector black, stray light) is desired where it
+is part of the grade (`domesim.scene.grade`). Elsewhere it is there in any
 frame, so that a viewer cannot tell by it what is wrong with this one, and no frame takes it away
 where the picture is black. Neither the desired picture nor the desired picture with that light on
 top is pollution: the residual is the distance from the nearest one between. Else every black frame
@@ -114,6 +115,7 @@ class Verdict(Enum):
     """What a frame needs."""
 
     NOTHING = "nothing visible: leave it alone"
+    LEAVE = "worse than untouched by any method: leave it alone"
     SUBTRACT = "subtraction is enough"
     COMPENSATE = "compensation worth while"
 
@@ -429,6 +431,8 @@ class _Eye:
         # of very coarse pictures, the widest mechanism that they can hold
         self._lowest = min(settings.cortex.lowest, self._per_degree / 2)
         self._room = posed.seen(np.zeros_like(posed.desired))
+        if (kept := posed.setting.kept) is not None:  # it is wanted, as all the master
+            self._room = self._room - kept.astype(self._room.dtype)[:, None, None, :]
         by_contrast = settings.combination is Combination.LOCAL_CONTRAST
         self._contrasts = None
         if by_contrast:

@@ -649,7 +649,8 @@ def _own_slopes(observation: Observation, like: Light) -> Light:
     xp = namespace(like)
     if not isinstance(observation, StereoObservation):
         return observation.direct(xp.ones_like(like))
-    one, none, views = xp.ones_like(like[:1, ...]), xp.zeros_like(like[:1, ...]), range(len(like))
+    one, none = xp.ones_like(like[:1, ...]), xp.zeros_like(like[:1, ...])
+    views = range(like.shape[0])
     alone = (xp.concat([one if u == v else none for u in views]) for v in views)
     each = [observation.linear(light)[v : v + 1, ...] for v, light in enumerate(alone)]
     return xp.concat(each)

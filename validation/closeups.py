@@ -89,7 +89,7 @@ def uncorrectable(posed: Posed) -> tuple[slice, slice]:
     rows, cols = posed.screen.shape
     wide = round(REGION * cols)
     high = min(rows, round(wide * 9 / 16))
-    left = luminance(posed.seen(posed.subtractive) - posed.desired, posed.scene)
+    left = luminance(posed.seen(posed.subtractive) - posed.wanted, posed.scene)
     # What is in the middle counts most, so that the ghost is not at the region's edge
     energy = gaussian_filter(np.sum(left**2, axis=0), (high / 4, wide / 4), mode="constant")
     # Where the whole region is in the picture
@@ -100,7 +100,7 @@ def uncorrectable(posed: Posed) -> tuple[slice, slice]:
 
 def ghosted_eye(posed: Posed, region: tuple[slice, slice]) -> int:
     """The eye to which subtraction leaves more of the ghost in a region: 0 is the left one."""
-    left = luminance(posed.seen(posed.subtractive) - posed.desired, posed.scene)
+    left = luminance(posed.seen(posed.subtractive) - posed.wanted, posed.scene)
     return int(np.argmax(np.sum(left[:, region[0], region[1]] ** 2, axis=(1, 2))))
 
 

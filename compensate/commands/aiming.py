@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Any, final
+from typing import Annotated, final
 
 import typer
 
@@ -68,8 +68,15 @@ class Aiming:
         ),
     ] = CPU
 
-    def recipe(self, choice: SceneChoice, method: str = "perceptual", **ways: Any) -> Compensating:
-        """What is done to each frame, in the `ways` of `Compensating`.
+    def recipe(
+        self,
+        choice: SceneChoice,
+        method: str = "perceptual",
+        *,
+        only_visible: bool = False,
+        spatial: bool = False,
+    ) -> Compensating:
+        """What is done to each frame, in the ways of `Compensating`.
 
         Raises
         ------
@@ -89,5 +96,6 @@ class Aiming:
             self.lift,
             self.low_frequency_gain,
             self.device,
-            **ways,
+            only_visible,
+            spatial,
         )

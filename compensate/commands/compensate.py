@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import inspect
-from dataclasses import replace
-from typing import Annotated
+from dataclasses import asdict, replace
+from typing import Annotated, Any
 
 import typer
 
 from compensate.commands.aiming import Aiming
 from compensate.methods import METHODS
+from compensate.shows.compensating import worse_than_untouched
+from compensate.shows.cues import AUTO, CANDIDATES, Cue, cued, starts
 from compensate.shows.titles import titles_of
 from compensate.solver.fitting import Fitted
 from domesim.commands.options import Place, Telling, grouped
 from domesim.commands.shows import Doing, Masters, Results
+from domesim.scene.grade import CLIPPED, KEPT
+from domesim.shows.run import Done
 
 
 @grouped
@@ -25,8 +29,21 @@ def compensate(
     doing: Doing,
     telling: Telling,
     method: Annotated[
-        str, typer.Option(help=f"What to project: {', '.join(METHODS)}.")
+        str,
+        typer.Option(
+            help=f"What to project: {', '.join(METHODS)}; or {AUTO}: for each shot that of "
+            f"{', '.join(CANDIDATES)} which by ColorVideoVDP is worse than untouched in no frame."
+        ),
     ] = "perceptual",
+    gamut: Annotated[
+        str | None,
+        typer.Option(
+            help=f"Colours and highlights that the projector cannot show: {KEPT} in what is "
+            f"written (the default on flat screens), where pixels without pollution keep their "
+            f"codes; or {CLIPPED} to what it shows (the default in domes).",
+            show_default=False,
+        ),
+    ] = None,
     only_visible: Annotated[
         bool,
         typer.Option(
@@ -77,7 +94,7 @@ def compensate(
 ) -> None:
     """Compute the frames to project, so that the audience sees the master as closely as can be."""
     console = telling.console()
-    choice, scene = place.load(console)
+    choice, scene = place.load(console, gamut)
     recipe = aiming.recipe(choice, method, only_visible=only_visible, spatial=spatial)
     recipe = replace(recipe, titles=titles_of(overlay or [], scene))
     recipe.require_sense(scene)
@@ -86,12 +103,26 @@ def compensate(
         known = solver if solver is None else inspect.unwrap(solver)
         if isinstance(known, Fitted) and (told := known.general(scene)):
             console.say(told)
+    writing, found = results.writing(repair=masters.repair), masters.find(doing.frames)
+    cues: list[Cue] = []
+    if method == AUTO and not doing.dry_run:
+        whole = masters.find() if doing.frames else found
+        eye, running = recipe.weighting(scene), doing.running()
+        cues = cued(whole, doing.out, choice, eye, console, writing=writing, running=running)
+        recipe = replace(recipe, cues=starts(cues))
+
+    def summary(done: Done) -> dict[str, Any]:
+        if line := worse_than_untouched(done.frames):
+            console.say(line)
+        return {"cues": [asdict(cue) for cue in cues]} if method == AUTO else {}
+
     doing.show(
-        masters.find(doing.frames),
+        found,
         recipe,
         console,
         what="compensating",
-        writing=results.writing(repair=masters.repair),
+        writing=writing,
+        summary=summary,
         facts=place.about(scene),
         pages=pages,
         clips=films,

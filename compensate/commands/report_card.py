@@ -20,7 +20,7 @@ from compensate.report_card import (
     ways,
 )
 from compensate.ruler import PEOPLE_SAY
-from domesim.commands.options import SeatName, Telling, TransportFile, grouped
+from domesim.commands.options import AmbientIs, BlackIs, SeatName, Telling, TransportFile, grouped
 from domesim.commands.render import SceneArgument
 from domesim.commands.shows import Masters, require_one_seat
 from domesim.errors import InputError
@@ -39,10 +39,12 @@ def report_card(
     telling: Telling,
     seat: SeatName = None,
     transport: TransportFile = None,
+    black: BlackIs = None,
+    ambient: AmbientIs = None,
 ) -> None:
     """Tell a flat screen's contrast and crosstalk, and what two eyes see of a pair on it."""
     console = telling.console()
-    system = SceneChoice(scene, transport, seat).load()
+    system = SceneChoice(scene, transport, seat, black, ambient).load()
     if isinstance(system, CinemaScene):
         if not masters.master is masters.left is masters.right is None:
             raise InputError(
@@ -153,8 +155,9 @@ def _of_views(posed: Posed, console: Console) -> dict[str, Any]:
     """What is told of views by themselves."""
     viewer, clipped = viewer_crosstalk(posed), Appraisal(posed).clipped
     console.say(
+        f"  {posed.scene.graded}",
         f"  viewer crosstalk: median {viewer['median']:.1%}, above 10% on "
         f"{viewer['share_above_10']:.1%} of the picture",
         f"  too dark for exact subtraction: {clipped:.1%} of the picture",
     )
-    return {"clipped": clipped, "viewer_crosstalk": dict(viewer)}
+    return {**vars(posed.scene.grade), "clipped": clipped, "viewer_crosstalk": dict(viewer)}

@@ -79,6 +79,8 @@ class ByArrays:
         )
         self._mixing = coding.mixing if coding.mixes else None
         self._table = send(coding.table(pixels))
+        kept = constants.kept.T[:, :, None, None].astype(np.float32)  # (primary, view, 1, 1)
+        self._kept = send(kept) if kept.any() else None
         curve = coding.curve.encode((np.arange(_PLACES + 2) / _PLACES) ** 4.0)
         self._codes = send((curve * (pixels.largest or 1)).astype(np.float32))
         self._noise: Array = send(noise_of(cols)) if dithers and pixels.largest else None
@@ -95,7 +97,10 @@ class ByArrays:
         sent = self._views(frame)
         xp = namespace(sent)
         light = xp.stack([self._decoded(sent[..., p, :]) for p in range(3)])
-        light = xp.clip(_mixed(light, self._mixing), 0, 1) * self._on
+        light = xp.clip(_mixed(light, self._mixing), 0, 1)
+        if self._kept is not None:
+            light = light + self._kept
+        light = light * self._on
         light = xp.moveaxis(self._projected(xp.moveaxis(light, 0, -1)), -1, 0)
         back = None if self._mixing is None else np.linalg.inv(self._mixing)
         light = xp.clip(_mixed(light, back), 0, 1)
@@ -168,7 +173,7 @@ class ByArrays:
             left = observation.observe(self._of_pair(observation, desired)) - desired
             left = xp.maximum(left, xp.zeros_like(left))
             return self._of_pair(observation, veiled(aim, sight, desired, left))
-        wanted = observation.direct(desired)
+        wanted = observation.direct(desired)  # D is 1 where a grade keeps black
         white = observation.direct(xp.ones_like(desired))
         floor = self._of_master(wanted).floor
         return self._of_aim(lifted(aim, sight, wanted, floor, white)).light

@@ -23,6 +23,7 @@ from domesim.light.blocks import block_sums
 from domesim.observation.crosstalk import Crosstalk
 from domesim.observation.lowrank import LowRankObservation
 from domesim.scene import Scene
+from domesim.scene.grade import TAKEN_OUT
 
 CELLS = 64
 """Most cells across a picture."""
@@ -66,6 +67,8 @@ class DomeConstants:
         (rank, cell row, cell col): what a unit of light on a pixel excites.
     core
         (primary, rank, rank): how the modes excite each other.
+    kept
+        (1, primary) light without a picture that belongs to the grade.
     """
 
     aim: Aim
@@ -80,6 +83,7 @@ class DomeConstants:
     spread: Floats
     collect: Floats
     core: Floats
+    kept: Floats
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -113,6 +117,8 @@ class PairConstants:
         (view, primary, primary): what an eye sees of the other's light where the map is 1.
     black
         (view, primary) light without any picture.
+    kept
+        (view, primary) how much of that belongs to the grade.
     """
 
     aim: Aim
@@ -126,6 +132,7 @@ class PairConstants:
     share: Floats
     matrices: Floats
     black: Floats
+    kept: Floats
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -162,7 +169,8 @@ def constants_of(scene: Scene, rows: int, cols: int, aim: Aim | None = None) -> 
     ------
     InputError
         If the scene is of several seats or a 3D dome, its crosstalk is a table from grey to grey,
-        a lens scatters light, a room reflects a pair, or it cannot show such a picture.
+        a lens scatters light, a room reflects a pair, a dome whose lens is not corrected keeps
+        light without a picture, or it cannot show such a picture.
     """
     aim = aim or Aim()
     if scene.several_seats:
@@ -175,9 +183,14 @@ def constants_of(scene: Scene, rows: int, cols: int, aim: Aim | None = None) -> 
         scene.viewing.pixels_per_degree(rows, cols),
     )
     if isinstance(observation, LowRankObservation):
-        return _of_dome(observation, sight, aim)
+        if scene.kept.any() and not observation.has_unit_gain:
+            raise InputError(
+                f"{scene.name}: live pictures keep light without a picture only where lenses are "
+                f"corrected; use --black {TAKEN_OUT} and --ambient {TAKEN_OUT}"
+            )
+        return _of_dome(observation, sight, aim, scene.kept)
     if isinstance(observation, Crosstalk) and scene.views == 2 and observation.black.ndim == 2:
-        return _of_pair(observation, sight, aim)
+        return _of_pair(observation, sight, aim, scene.kept)
     raise InputError(
         f"{scene.name}: live pictures are of domes and rooms with one view, or of linear "
         f"crosstalk of a pair, not of many views, displays before a photograph, 3D domes, tables "
@@ -198,7 +211,9 @@ def turns_of(k: PairConstants) -> int:
     return 1 + math.ceil(math.log(1e-5) / math.log(min(max(strength, 1e-5), 0.9)))
 
 
-def _of_dome(observation: LowRankObservation, sight: Sight, aim: Aim) -> DomeConstants:
+def _of_dome(
+    observation: LowRankObservation, sight: Sight, aim: Aim, kept: Floats
+) -> DomeConstants:
     f, screen = observation.factors, observation.screen
     block, radius = dome.block_of(sight.density)
     cell = block * -(-max(screen.shape) // (CELLS * block))
@@ -228,10 +243,11 @@ def _of_dome(observation: LowRankObservation, sight: Sight, aim: Aim) -> DomeCon
         spread=by_cells(f.spread / gain),
         collect=by_cells(f.collect),
         core=np.asarray(f.core, np.float64),
+        kept=kept,
     )
 
 
-def _of_pair(observation: Crosstalk, sight: Sight, aim: Aim) -> PairConstants:
+def _of_pair(observation: Crosstalk, sight: Sight, aim: Aim, kept: Floats) -> PairConstants:
     rows, cols = observation.shape[1:3]
     block, sigma = pair.block_of(sight.density)
     cell, share = 0, observation.share.max(axis=(1, 2), keepdims=True)
@@ -250,6 +266,7 @@ def _of_pair(observation: Crosstalk, sight: Sight, aim: Aim) -> PairConstants:
         share=share,
         matrices=observation.matrices,
         black=observation.black,
+        kept=kept,
     )
 
 

@@ -50,7 +50,7 @@ class CompiledDome:
         k = self._k = constants
         rows, cols = k.screen.shape
         self._pixels = pixels
-        self._code = code_of(coding, pixels, cols, dithers=dithers)
+        self._code = code_of(coding, pixels, cols, k.kept, dithers=dithers)
         on = k.screen.astype(np.float32)
         self._counted = block_sums(on, k.block)
         self._around = near_sum(self._counted, k.radius)

@@ -48,7 +48,7 @@ class CompiledPair:
     ) -> None:
         k = self._k = constants
         self._pixels = pixels
-        self._code = code_of(coding, pixels, k.cols, dithers=dithers)
+        self._code = code_of(coding, pixels, k.cols, k.kept, dithers=dithers)
         cell = k.cell or max(k.rows, k.cols)
         self._pair = loops.Pair(
             rows=k.rows,

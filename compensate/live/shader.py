@@ -188,6 +188,7 @@ def _about_dome(k: DomeConstants) -> dict[str, Any]:
         "darkest": _glsl(DARKEST),
         "levels": _LEVELS,
         "lift": _glsl(k.aim.lift),
+        "kept": _vector(k.kept[0]) if k.kept.any() else "",
     }
 
 
@@ -209,6 +210,7 @@ def _about_pair(k: PairConstants, *, beside: bool) -> dict[str, Any]:
         "beside": beside,
         "matrices": [_matrix(matrix) for matrix in k.matrices],
         "black": [_vector(black) for black in k.black],
+        "kept": [_vector(kept) for kept in k.kept] if k.kept.any() else [],
         "rounds": -(-turns_of(k) // 2),
         "weights": _vector(k.weights),
         "veil": _glsl(k.veil),

@@ -78,6 +78,9 @@ class Code(NamedTuple):
         The largest code; 0 of formats of floating point, which are not rounded.
     noise
         (2, place) of -0.5..0.5, more than columns and shifts; zeros for none.
+    keeps, kept
+        Whether there is light without a picture that belongs to the grade, and (view primary,) how
+        much.
     """
 
     channels: np.uint64
@@ -88,10 +91,14 @@ class Code(NamedTuple):
     codes_of: NDArray[np.float32]
     largest: np.float32
     noise: NDArray[np.float32]
+    keeps: bool
+    kept: NDArray[np.float32]
 
 
-def code_of(coding: Coding, pixels: PixelFormat, cols: int, *, dithers: bool) -> Code:
-    """Tables of a layout for tiles of `cols` columns in all."""
+def code_of(
+    coding: Coding, pixels: PixelFormat, cols: int, kept: NDArray[np.floating], *, dithers: bool
+) -> Code:
+    """Tables of a layout for tiles of `cols` columns in all, for the grade's (view, primary)."""
     places = np.arange(-LEAST_LOG * (1 << 7) + 2, dtype=np.uint32) + _FIRST
     light = (places << _SHIFT).view(np.float32).astype(np.float64)
     codes = coding.curve.encode(np.maximum(light - 2.0**LEAST_LOG, 0))
@@ -105,6 +112,8 @@ def code_of(coding: Coding, pixels: PixelFormat, cols: int, *, dithers: bool) ->
         codes_of=np.asarray(codes * (pixels.largest or 1), np.float32),
         largest=np.float32(pixels.largest),
         noise=noise_of(cols) * np.float32(dithers),
+        keeps=bool(kept.any()),
+        kept=kept.ravel().astype(np.float32),
     )
 
 
@@ -157,6 +166,7 @@ def mixed(w: Any, k: int, matrix: Any, a: Any, b: Any) -> None:
 def decoded(code: Any, codes: Any, i: Any, first: Any, a: Any, b: Any, w: Any, k: int) -> None:
     """Light within 0..1 into planes from `k`: of columns `first` + `a` to `b` of row `i`.
 
+    What the grade keeps of light without a picture is added.
     `codes`: (row, sample).
     """
     for j in range(a, b):
@@ -169,6 +179,10 @@ def decoded(code: Any, codes: Any, i: Any, first: Any, a: Any, b: Any, w: Any, k
         for p in range(3):
             for j in range(a, b):
                 w[k + p, j] = within(w[k + p, j])
+    if code.keeps:
+        for p in range(3):
+            for j in range(a, b):
+                w[k + p, j] += code.kept[k + p]
 
 
 @INSIDE

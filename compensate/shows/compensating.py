@@ -17,6 +17,7 @@ from compensate.master import Solution, solve_frame
 from compensate.methods import Solver, perceptual, require_method
 from compensate.pose import Eye, Posed, Stage
 from compensate.ruler import NO_DIFFERENCE, PEOPLE_SAY, agreeing, compared
+from compensate.shows.cues import AUTO, Starts, method_at
 from compensate.shows.films import films_lost
 from compensate.shows.over_time import timeline
 from compensate.shows.titles import Titles
@@ -34,13 +35,17 @@ from domesim.light import Light
 from domesim.light.planes import every, planes_of
 from domesim.scene import Scene, StereoScene
 from domesim.scene.choice import SceneChoice
-from domesim.scene.screening import decoded, decoder
+from domesim.scene.grade import KEPT
+from domesim.scene.screening import decoded, decoder, within_range
 from domesim.shows.small import thinning
 from domesim.shows.timeline import Timeline
 from domesim.shows.work import Column, Judged, Note, Recipe, Work, Write, Writing
 
 PAPER, CONTRAST = "paper", "contrast"
 """What a picture can be made for: the paper's least squares, or its contrasts (the aim)."""
+
+WORSE = 0.005
+"""JOD beyond which a frame is said to be worse than untouched: what two digits of a figure show."""
 
 SIZE = 1024
 """Largest side of pictures on the pages of the worst frames, pixels."""
@@ -73,6 +78,9 @@ class Compensating(Recipe):
         Count errors by how visible the pollution is there (eq. 7).
     titles
         What a server composites over the frames; None for nothing.
+    cues
+        Of the method "auto": which method holds from which frame on. Settings of a job leave them
+        out: its masters decide.
     """
 
     scene: SceneChoice
@@ -85,6 +93,7 @@ class Compensating(Recipe):
     only_visible: bool = False
     spatial: bool = False
     titles: Titles | None = None
+    cues: Starts = ()
 
     def work(self, note: Note) -> Work[Any, Any]:
         """See `Recipe`."""
@@ -101,9 +110,13 @@ class Compensating(Recipe):
             chosen = OnlyVisible(posed, solver) if self.only_visible and solver else solver
             if self.spatial:
                 chosen = SpatiallyWeighted(posed, self._masked(posed))
-            return solve_frame(source, posed, out_of_range, self.method, chosen)
+            return solve_frame(source, posed, out_of_range, self._method(source), chosen)
 
         return Work(prepare, solve, _end, stage.ready)
+
+    def _method(self, source: Master) -> str:
+        """The method of a master."""
+        return method_at(self.cues, source.path) if self.method == AUTO else self.method
 
     def require_sense(self, theatre: Scene) -> None:
         """See that the settings go together.
@@ -113,8 +126,18 @@ class Compensating(Recipe):
         InputError
             If they do not.
         """
-        self.weighting(theatre)
-        require_method(self.method, theatre)
+        eye = self.weighting(theatre)
+        if self.method != AUTO:
+            require_method(self.method, theatre)
+        elif self.titles is not None:
+            raise InputError(
+                f"--method {AUTO} does not count overlays; leave --overlay out, or name a method"
+            )
+        elif not isinstance(eye, Aim):
+            raise InputError(
+                f"--method {AUTO} chooses between the aim, subtraction and none; leave --weighting "
+                f"{PAPER} out"
+            )
         if not 0 < self.tolerance < 1:
             raise InputError(f"tolerance must lie between 0 and 1, got {self.tolerance:g}")
         if self._aims(theatre) and (self.only_visible or self.device != CPU):
@@ -155,7 +178,7 @@ class Compensating(Recipe):
 
     def _aims(self, theatre: Scene) -> bool:
         """Whether an aim is shown, which takes no solver."""
-        return self.method == "perceptual" and isinstance(self.weighting(theatre), Aim)
+        return self.method in ("perceptual", AUTO) and isinstance(self.weighting(theatre), Aim)
 
     def _least_squares(self, theatre: Scene) -> bool:
         """Whether the paper's weighting is minimised."""
@@ -197,7 +220,7 @@ class Compensating(Recipe):
             If the settings do not go together, or there is no such device.
         """
         self.require_sense(theatre)
-        if self.method != "perceptual" or self._aims(theatre):
+        if self.method not in ("perceptual", AUTO) or self._aims(theatre):
             return None
 
         def progress(iteration: int, gap: float) -> None:
@@ -208,7 +231,7 @@ class Compensating(Recipe):
 
     def settings(self) -> dict[str, Any]:
         """See `Recipe`."""
-        left_out = ("scene", "titles")
+        left_out = ("scene", "titles", "cues")
         settings = {name: value for name, value in vars(self).items() if name not in left_out}
         settings = {"command": "compensate", **self.scene.settings(), **settings}
         if self.titles is not None:
@@ -217,6 +240,12 @@ class Compensating(Recipe):
             # Solvers round otherwise with it; nothing else uses it
             settings["fast"] = transforms().__name__
         return settings
+
+    @property
+    def about(self) -> str:
+        """See `Recipe`: what becomes of light without a picture."""
+        theatre = self.scene.load()
+        return f"{theatre.name}: {theatre.graded}"
 
     small = "The master, and what is projected"
 
@@ -228,7 +257,7 @@ class Compensating(Recipe):
         """Those of `options` that say what is computed."""
         theatre = self.scene.load()
         found = {**self.scene.options(), "--method": self.method}
-        if self.method != "perceptual":
+        if self.method not in ("perceptual", AUTO):
             return found | ({"--spatial-weights": "yes"} if self.spatial else {})
         weighting = self.weighting(theatre)
         if isinstance(weighting, Aim):
@@ -255,7 +284,7 @@ class Compensating(Recipe):
             verdict, lost = "as the master, to the eye", f"{lost} ({NO_DIFFERENCE:g} is not seen)"
         elif (against := compared(after, before)) != "better than":
             verdict, needs = f"{against} untouched", 2 if against == "worse than" else 1
-        elif self.method == "perceptual":
+        elif figures.get("method", self.method) == "perceptual":
             lost = f"{lost}, {plain:.2f} subtracted"
             verdict = f"{compared(after, plain)} subtraction"
             needs = int(verdict.startswith("worse"))
@@ -308,7 +337,7 @@ class Compensating(Recipe):
             overlay = None if self.titles is None else self.titles.of(master, theatre)
             posed, _ = stage.pose_frame(master, overlay)
             chosen = SpatiallyWeighted(posed, self._masked(posed)) if self.spatial else solver
-            light = solved(posed, self.method, chosen).light
+            light = solved(posed, self._method(master), chosen).light
             ways = {"as shown": light, "subtracted": posed.subtractive, "untouched": posed.desired}
             return posed, ways
 
@@ -357,8 +386,9 @@ def _end(solution: Solution, write: Write) -> tuple[dict[str, Any], str]:
     stored = write.stored()
     bits, suffix = stored.bits, stored.path.suffix
     by_strips = posed.floor is not None
-    if posed.overlay is not None:
-        lost = appraisal.loss(posed.overlay.over(decoded(stored, posed.scene)))
+    if posed.scene.grade.gamut == KEPT or posed.overlay is not None:
+        light = within_range(decoded(stored, posed.scene), posed.screen)[0]  # what is clipped, too
+        lost = appraisal.loss(light if posed.overlay is None else posed.overlay.over(light))
     else:
         lost = appraisal.loss((decoder if by_strips else decoded)(stored, posed.scene))
     del stored
@@ -376,11 +406,42 @@ def _end(solution: Solution, write: Write) -> tuple[dict[str, Any], str]:
     return {**asdict(found), "loss_stored": lost, "steps": coarse}, line
 
 
+def worse_than_untouched(frames: Sequence[Mapping[str, Any]]) -> str:
+    """Says how many frames look worse than untouched, and which most; "" for none.
+
+    Parameters
+    ----------
+    frames
+        Their figures.
+    """
+    worse = [
+        (lost, frame["input"])
+        for frame in frames
+        if frame["loss_before"] is not None
+        and (lost := frame["loss_after"] - frame["loss_before"]) > WORSE
+    ]
+    if not worse:
+        return ""
+    most, source = max(worse, key=lambda each: each[0])
+    name = Path(source if isinstance(source, str) else source[0]).name
+    return (
+        f"worse than untouched: {len(worse)} of {len(frames)} frames, {name} by {most:.3f} JOD "
+        f"({NO_DIFFERENCE:g} is not seen); --method {AUTO} leaves such shots alone"
+    )
+
+
 def _people(f: Figures) -> str:
     """How often people order it and the untouched as the figures do, if these differ."""
     if f.loss_before is None or abs(f.loss_after - f.loss_before) < NO_DIFFERENCE:
         return ""
     return f"; it and the untouched: {agreeing(f.loss_after, f.loss_before)}"
+
+
+def _worse(f: Figures) -> str:
+    """Whether it is worse than untouched, however little."""
+    if f.loss_before is None or f.loss_after - f.loss_before <= WORSE:
+        return ""
+    return f"; worse than untouched by {f.loss_after - f.loss_before:.3f} JOD"
 
 
 def _plain(f: Figures) -> list[str]:
@@ -422,7 +483,7 @@ def line_of(f: Figures) -> str:
     else:
         parts += [
             f"quality lost: {f.loss_after:.2f} JOD; untouched {f.loss_before:.2f}, subtracted "
-            f"{f.loss_subtractive:.2f}" + _people(f),
+            f"{f.loss_subtractive:.2f}" + _worse(f) + _people(f),
             f"too dark for exact subtraction: {f.clipped:.1%} of the screen",
         ]
     if f.loss_by_seat:
@@ -430,9 +491,9 @@ def line_of(f: Figures) -> str:
         parts.append(f"quality lost by seat, JOD: {seats}")
     parts += _plain(f)
     if f.out_of_range:
-        parts.append(f"out of the projector's range: {f.out_of_range:.1%} of the screen")
+        parts.append(f"out of the projector's range: {percent(f.out_of_range)} of the screen")
     if f.file_clipped:
-        parts.append(f"out of the file's colour range, and clipped: {f.file_clipped:.1%}")
+        parts.append(f"out of the file's colour range, and clipped: {percent(f.file_clipped)}")
     if f.gap is not None:
         parts.append(f"within {percent(f.gap)} of the optimum after {f.iterations} iterations")
         if f.distance:

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any, final
+from typing import Any, TypeAlias, final
 
 import numpy as np
 
@@ -26,6 +26,8 @@ from compensate.prediction import (
     regions,
     triage,
 )
+from compensate.report_card import losses
+from compensate.shows.cues import chosen, lost_by
 from compensate.shows.over_time import timeline
 from domesim.frames import ColourTag, Master
 from domesim.frames.formats.exr import state_compression
@@ -93,14 +95,16 @@ class Predicting(Recipe):
         theatre = self.scene.load()
         stage = Stage(theatre)
 
-        def solve(prepared: tuple[Posed, int]) -> tuple[Posed, int, Triage]:
-            return *prepared, triage(prepared[0], self.prediction)
+        def solve(prepared: tuple[Posed, int]) -> tuple[Posed, int, Triage, Lost]:
+            return *prepared, *_judged(prepared[0], self.prediction)
 
-        def end(solved: tuple[Posed, int, Triage], write: Write) -> tuple[dict[str, Any], str]:
-            posed, step, frame_triage = solved
+        def end(
+            solved: tuple[Posed, int, Triage, Lost], write: Write
+        ) -> tuple[dict[str, Any], str]:
+            posed, step, frame_triage, lost = solved
             places = _places_of(write.output, theatre.views)
             brightened = _write(places, posed, frame_triage)
-            figures = _figures(posed, frame_triage, step)
+            figures = {**_figures(posed, frame_triage, step), "lost": lost}
             pictures = [path for place in places for path in place.pictures]
             write.beside(pictures)
             _write_small(write, posed, frame_triage)
@@ -126,6 +130,12 @@ class Predicting(Recipe):
         places = _places_of(output, self.scene.load().views)
         return [path for place in places for path in place.pictures]
 
+    @property
+    def about(self) -> str:
+        """See `Recipe`: what becomes of light without a picture."""
+        theatre = self.scene.load()
+        return f"{theatre.name}: {theatre.graded}"
+
     small = "The master, and the prediction: white is what subtraction leaves, grey it removes"
 
     def options(self, writing: Writing) -> dict[str, str]:
@@ -148,7 +158,7 @@ class Predicting(Recipe):
             f"pollution is visible on {_percent(figures['visible'])} of the screen, "
             f"after subtraction on {_percent(figures['visible_subtracted'])}"
         )
-        return Judged(verdict.value, reason, list(Verdict).index(verdict))
+        return Judged(verdict.value, reason, _NEEDS[verdict])
 
     def over_time(
         self, frames: Sequence[Mapping[str, Any]], seconds: Sequence[float]
@@ -170,6 +180,25 @@ class Predicting(Recipe):
         viewing = self.scene.load().viewing
         step = reduction(viewing, self.prediction, rows, cols)
         return 500_000_000 + (115 // step**2 + 10) * 4 * rows * cols
+
+
+Lost: TypeAlias = dict[str, float] | None
+"""JOD that each method loses; None where nothing is visible."""
+
+_NEEDS = {Verdict.NOTHING: 0, Verdict.LEAVE: 1, Verdict.SUBTRACT: 1, Verdict.COMPENSATE: 2}
+
+
+def _judged(posed: Posed, settings: Prediction) -> tuple[Triage, Lost]:
+    """The triage of a frame; what is visible is advised only where it looks better than untouched.
+
+    The second value is what the methods lose.
+    """
+    found = triage(posed, settings)
+    if found.verdict is Verdict.NOTHING:
+        return found, None
+    lost = losses(posed)
+    better = {"none": Verdict.LEAVE, "subtractive": Verdict.SUBTRACT}
+    return replace(found, verdict=better.get(chosen([lost]), found.verdict)), lost
 
 
 # Where it goes.
@@ -334,6 +363,8 @@ def _line(figures: dict[str, Any]) -> str:
         f"visible pollution on {_percent(figures['visible'])} of the screen, "
         f"{_percent(figures['visible_subtracted'])} after subtraction: {verdict}"
     )
+    if figures["verdict"] == Verdict.LEAVE.name.lower():
+        line = f"{line} (JOD lost: {lost_by(figures['lost'])})"
     if "faintest_star_master" not in figures:
         return line
     falls = [

@@ -52,13 +52,20 @@ float32's rounding."""
 
 
 @final
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class PlayerShader:
     """(1 - c) x + c (1 - x_u): no ghosts to first order, for c of black and 1 - c of contrast.
 
     c is one number for each eye and primary, as in the players: how much of a white picture leaks,
     the row sums of the crosstalk's central matrix.
+
+    Parameters
+    ----------
+    kept
+        (view, primary) light without a picture that is part of what is desired: players know none.
     """
+
+    kept: Floats | float = 0.0
 
     def __call__(self, problem: Problem, start: Light) -> Result:
         """The shader's light; the start is not used.
@@ -70,6 +77,8 @@ class PlayerShader:
         """
         observation, desired = _affine(problem), problem.desired
         xp = namespace(desired)
+        kept = np.asarray(self.kept)[:, None, None, :] if np.ndim(self.kept) else self.kept
+        desired = desired - xp.asarray(kept, dtype=desired.dtype, device=desired.device)
         leak = np.stack([observation.central[v, :, 1 - v].sum(axis=1) for v in range(2)])
         c = xp.asarray(leak.clip(0, 1)[:, None, None], dtype=desired.dtype, device=desired.device)
         light = (1 - c) * desired + c * (1 - xp.flip(desired, axis=0))

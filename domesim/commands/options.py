@@ -16,6 +16,7 @@ from domesim.host.console import Console
 from domesim.inspection.coverage import require_covered
 from domesim.scene import DomeScene, Scene, StereoScene, scene_names
 from domesim.scene.choice import SceneChoice
+from domesim.scene.grade import KEPT, TAKEN_OUT
 
 OutFolder = Annotated[
     Path, typer.Option("--out", help="Folder for the results.", show_default=False)
@@ -45,6 +46,24 @@ SeatName = Annotated[
         "--seat",
         help="The seat to look from. Stereo: 'all' for the mean of all seats. Dome: figures and "
         "predictions are for that seat's pixels per degree.",
+        show_default=False,
+    ),
+]
+BlackIs = Annotated[
+    str | None,
+    typer.Option(
+        "--black",
+        help=f"What the projector's black is: {KEPT}, part of what the master was graded on (the "
+        f"default on flat screens); or {TAKEN_OUT}, pollution (the default in domes).",
+        show_default=False,
+    ),
+]
+AmbientIs = Annotated[
+    str | None,
+    typer.Option(
+        "--ambient",
+        help=f"What other light in the room is, [ambient] of the scene: {KEPT} or {TAKEN_OUT}, as "
+        "--black.",
         show_default=False,
     ),
 ]
@@ -119,17 +138,21 @@ class Place:
     scene: SceneName
     transport: TransportFile = None
     seat: SeatName = None
+    black: BlackIs = None
+    ambient: AmbientIs = None
 
-    def load(self, console: Console) -> tuple[SceneChoice, Scene]:
-        """Loads the scene, for this process and for others; says if it is approximate.
+    def load(self, console: Console, gamut: str | None = None) -> tuple[SceneChoice, Scene]:
+        """Loads the scene, for this process and for others; says if it is approximate, and what
+        light without a picture is. Commands that write masters may choose a `gamut`, too.
 
         Raises
         ------
         InputError
             As for `scene_of`.
         """
-        choice = SceneChoice(self.scene, self.transport, self.seat)
+        choice = SceneChoice(self.scene, self.transport, self.seat, self.black, self.ambient, gamut)
         scene = scene_of(choice, console)
+        console.say(f"{scene.name}: {scene.graded}")
         return choice.settled(scene), scene
 
     def files(self) -> tuple[str | Path | None, ...]:
@@ -147,6 +170,7 @@ class Place:
 def about_scene(scene: Scene) -> dict[str, Any]:
     """What a command's figures say of its scene."""
     facts: dict[str, Any] = {"scene": scene.name, "approximation": scene.approximation}
+    facts |= vars(scene.grade)
     if scene.chosen:
         facts["seats"] = list(scene.chosen)
     return facts

@@ -244,6 +244,20 @@ class Doing:
         ),
     ] = False
 
+    def running(self, pages: int | None = None, clips: int = 0) -> Running:
+        """How a show is done; `pages` and `clips` are as for `show`."""
+        return Running(
+            self.workers,
+            self.threads,
+            self.scheduler,
+            self.anew,
+            self.mix,
+            pages,
+            self.frame_timeout,
+            self.prune,
+            clips,
+        )
+
     def show(
         self,
         show: Show,
@@ -278,17 +292,7 @@ class Doing:
             If the folder has a picture's or film's name; as for `each_frame`.
         """
         _require_folder(self.out)
-        running = Running(
-            self.workers,
-            self.threads,
-            self.scheduler,
-            self.anew,
-            self.mix,
-            pages,
-            self.frame_timeout,
-            self.prune,
-            clips,
-        )
+        running = self.running(pages, clips)
         if self.dry_run:
             estimated = estimate(show, self.out, recipe, console, writing, running)
             console.figures({**facts, "estimate": estimated})

@@ -321,11 +321,16 @@ def _additivity(
     told_share = ", ".join(f"{n} {s:+.1%}" for n, s in zip("XYZ", share, strict=True))
     real = np.abs(miss) > SIGMAS * error
     if (real & (np.abs(share) > ADDITIVITY_LIMIT)).any():
+        way_out = (
+            "switch off white boost and colour modes, or look for a wrong row or unit"
+            if not _holds_black(session, miss, white, error)
+            else "black is in these readings, once in W and three times in the sum: leave 'black = "
+            '"subtracted"\' out. Whether pictures keep it, [grade] black of the scene says'
+        )
         mistakes.add(
             mean.lines[0],
             f"{session.name}: W must be R + G + B within {ADDITIVITY_LIMIT:.0%}, got "
-            f"{told_share} (W less black against the sum); switch off white boost and colour "
-            f"modes, or look for a wrong row or unit",
+            f"{told_share} (W less black against the sum); {way_out}",
         )
     elif (np.abs(share) > ADDITIVITY_WARNING).any():
         notes.append(
@@ -333,6 +338,14 @@ def _additivity(
             f"{'' if real.any() else ', which may be noise'}"
         )
     return share, np.asarray(error / white)
+
+
+def _holds_black(session: Session, miss: Floats, white: Floats, error: Floats) -> bool:
+    """Whether readings that are said to be without black add up once it is subtracted."""
+    if session.black != "subtracted" or session.dark is None:
+        return False
+    left = np.abs(miss + 2 * session.dark.xyz)
+    return bool((left <= np.maximum(SIGMAS * error, ADDITIVITY_WARNING * white)).all())
 
 
 def _ramp(session: Session, channel: str, mistakes: Mistakes) -> tuple[Mean, ...]:

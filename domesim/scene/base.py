@@ -5,7 +5,9 @@ from __future__ import annotations
 import shlex
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +17,7 @@ from domesim.observation.base import Observation
 from domesim.observation.projector import Projector
 from domesim.observation.uncertain import Uncertain
 from domesim.room.viewing import Viewing
+from domesim.scene.grade import Grade
 
 
 class Scene(ByValue, ABC):
@@ -38,6 +41,8 @@ class Scene(ByValue, ABC):
         SHA-256 of what its file says, and of files that are named there; "" without a file.
     chosen
         The seats that are looked from, where each sees something else.
+    grade
+        What of light without a picture, and of colours beyond the projector, masters keep.
     """
 
     name: str
@@ -48,6 +53,7 @@ class Scene(ByValue, ABC):
     file: str
     content: str
     chosen: tuple[str, ...]
+    grade: Grade
 
     @property
     def argument(self) -> str:
@@ -90,6 +96,45 @@ class Scene(ByValue, ABC):
         InputError
             If it has no such thing.
         """
+
+    @property
+    @abstractmethod
+    def unlit(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """(view, primary) of the projector's black, and of other light without a picture, cd/m²."""
+
+    @property
+    def kept(self) -> NDArray[np.float64]:
+        """(view, primary) light without a picture that belongs to the grade, 1 = white."""
+        return np.asarray(self.grade.kept(*self.unlit) / self.projector.white, np.float64)
+
+    @property
+    def graded(self) -> str:
+        """Says in one sentence what becomes of light without a picture."""
+        weights = self.projector.luminance_weights
+        return self.grade.told(*(float(np.mean(each @ weights)) for each in self.unlit))
+
+    def with_grade(
+        self, black: str | None = None, ambient: str | None = None, gamut: str | None = None
+    ) -> Self:
+        """The same scene with another choice of what belongs to the grade.
+
+        Parameters
+        ----------
+        black, ambient, gamut
+            As of `Grade`; None for what the scene says.
+
+        Returns
+        -------
+        scene
+            With that choice.
+
+        Raises
+        ------
+        InputError
+            If there is no such choice.
+        """
+        grade = self.grade.but(black, ambient, gamut)
+        return self if grade == self.grade else replace(self, grade=grade)  # type: ignore[type-var]
 
     @property
     @abstractmethod

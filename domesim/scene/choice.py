@@ -25,6 +25,8 @@ class SceneChoice:
         A file of stored light transport, or of crosstalk maps; None for none.
     seat
         One seat; of a stereo scene also "all"; None for the scene's own.
+    black, ambient, gamut
+        What belongs to the grade, as of `domesim.scene.grade.Grade`; None for the scene's own.
     content
         Digest of what these files hold; "" if it is not known yet.
     """
@@ -32,6 +34,9 @@ class SceneChoice:
     name: str
     transport: Path | None = None
     seat: str | None = None
+    black: str | None = None
+    ambient: str | None = None
+    gamut: str | None = None
     content: str = ""
     _scene: Scene | None = field(default=None, repr=False, compare=False)
 
@@ -47,6 +52,7 @@ class SceneChoice:
         if self._scene is not None:
             return self._scene
         scene = load_scene(self.name).asked(self.transport, self.seat)
+        scene = scene.with_grade(self.black, self.ambient, self.gamut)
         if self.content and self._content_of(scene) != self.content:
             raise InputError(
                 f"{self.name}: wanted the scene that the job began with, got another; its files "
@@ -68,19 +74,28 @@ class SceneChoice:
 
     def settings(self) -> dict[str, Any]:
         """Settings that results depend on, for JSON."""
-        return {"scene": Path(self.name).name, "seat": self.seat, "scene_content": self.content}
+        return {
+            "scene": Path(self.name).name,
+            "seat": self.seat,
+            "black": self.black,
+            "ambient": self.ambient,
+            "gamut": self.gamut,
+            "scene_content": self.content,
+        }
 
     def options(self) -> dict[str, str]:
         """The options that chose it: name -> value."""
         options = {"--scene": Path(self.name).name}
         if self.transport is not None:
             options["--transport"] = self.transport.name
-        return options if self.seat is None else {**options, "--seat": self.seat}
+        chosen = {name: getattr(self, name) for name in ("seat", "black", "ambient", "gamut")}
+        return options | {f"--{name}": value for name, value in chosen.items() if value is not None}
 
     def _content_of(self, scene: Scene) -> str:
         """SHA-256 of what the scene was made from: its file, files named there, and the transport.
 
-        It does not depend on the seat, nor on where the files are, nor on comments in the scene's.
+        It does not depend on the seat, on what belongs to the grade, on where the files are, nor on
+        comments in the scene's.
         """
         if self.transport is None:
             return scene.content

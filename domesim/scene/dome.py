@@ -53,6 +53,7 @@ from domesim.scene.dome_file import (
     UnitSection,
 )
 from domesim.scene.fields import three
+from domesim.scene.grade import DOMES, Grade
 from domesim.scene.measured_dome import albedo_steps, whole_transport
 from domesim.scene.mistakes import Mistakes
 
@@ -86,6 +87,8 @@ class DomeScene(Scene):
         How it keeps the eyes apart, if it shows 3D.
     sky
         Which light is which magnitude.
+    grade
+        What belongs to the grade of masters.
     file
         What commands call it: its file's path, or the name of a bundled one; "" if it was made
         otherwise.
@@ -107,6 +110,7 @@ class DomeScene(Scene):
     measured: MeasuredSection | None = None
     stereo: DomeStereoSection | None = None
     sky: SkySection = field(default_factory=SkySection)
+    grade: Grade = DOMES
     file: str = field(default="", compare=False)
     content: str = field(default="", compare=False)
     chosen: tuple[str, ...] = field(default=(), init=False)
@@ -148,6 +152,12 @@ class DomeScene(Scene):
     def albedo(self) -> tuple[float, float, float]:
         """Albedo of the screen for each primary, holes counted in."""
         return self.theatre.screen_albedo
+
+    @property
+    def unlit(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """See `Scene`; a theatre's lamps are none of it."""
+        black, shape = self.projector.black, (self.views, 3)
+        return np.full(shape, black), np.full(shape, self.ambient - black)
 
     def observation(self, rows: int, cols: int) -> AdjointObservation:
         """See `Scene`; of a pair it is `solvable`."""
@@ -297,6 +307,7 @@ class DomeScene(Scene):
             f"{_by_primary(self.albedo)} (holes counted in)",
             "Projector": f"white {self.projector.white:g} cd/m², black "
             f"{self.projector.black:g} cd/m², {self.projector.primaries} primaries",
+            "Light without a picture": self.graded,
             "Model": model,
         }
         if self.approximation is not None:
@@ -452,6 +463,7 @@ def built(file: DomeFile, folder: Path) -> DomeScene:
         theatre=replace(theatre, lamps=lamps),
         projector=projector,
         ambient=lit.black_cd_m2 + file.ambient.luminance_cd_m2,
+        grade=file.grade.over(DOMES),
         viewing=viewing.from_dome_centre(theatre.dome, file.viewing.adaptation_cd_m2),
         sources=file.sources,
         digest=_with_files(file, theatre),

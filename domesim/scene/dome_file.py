@@ -31,6 +31,7 @@ from domesim.room.dome import Dome
 from domesim.scene.fields import (
     AmbientSection,
     Coordinate,
+    GradeSection,
     LeakOfAView,
     Length,
     Luminance,
@@ -400,6 +401,7 @@ class DomeFile(Section):
     screen: ScreenSection
     projector: ProjectorSection
     ambient: AmbientSection = AmbientSection()
+    grade: GradeSection = GradeSection()
     floor: FloorSection | None = None
     wall: WallSection | None = None
     seating: SeatingSection | None = None
@@ -467,7 +469,7 @@ class DomeFile(Section):
     def digest(self) -> str:
         """SHA-256 of all that light transport depends on."""
         parts = {"name", "description", "sources", "viewing", "viewpoints", "ambient", "measured"}
-        parts |= {"stereo", "sky"}  # what one view's light does is stored
+        parts |= {"stereo", "sky", "grade"}  # what one view's light does is stored
         content = self.model_dump(mode="json", exclude=parts, warnings=False)
         content["projector"].pop("black_cd_m2")
         if content["screen"]["albedo_map"] is None:

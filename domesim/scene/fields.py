@@ -5,11 +5,13 @@ Every key carries its unit; unknown keys are mistakes.
 
 from __future__ import annotations
 
-from typing import Annotated, TypeAlias
+from typing import Annotated, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag
+
+from domesim.scene.grade import Grade
 
 # Strict: neither true nor "0.5" is a number.
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
@@ -68,6 +70,24 @@ class AmbientSection(Section):
     """Light on the screen without any projector, by luminance."""
 
     luminance_cd_m2: NoLuminance = 0.0
+
+
+class GradeSection(Section):
+    """What is part of the grade: of light without a picture, and of colours beyond the projector.
+
+    ``black`` is the projector's, ``ambient`` that of [ambient]: ``kept`` as part of what masters
+    were graded on, or ``taken-out`` as pollution. ``gamut`` is of colours and highlights that the
+    projector cannot show: ``kept`` in what is written, or ``clipped``. By default all three are
+    kept on flat screens, and none in domes. The command line may choose otherwise.
+    """
+
+    black: Literal["kept", "taken-out"] | None = None
+    ambient: Literal["kept", "taken-out"] | None = None
+    gamut: Literal["kept", "clipped"] | None = None
+
+    def over(self, usual: Grade) -> Grade:
+        """Returns the scene's choice, where it says nothing the usual one."""
+        return usual.but(self.black, self.ambient, self.gamut)
 
 
 class ViewingSection(Section):

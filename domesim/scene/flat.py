@@ -25,6 +25,7 @@ from domesim.room.flat_room import FlatRoom
 from domesim.room.viewing import Viewing
 from domesim.scene.base import Scene
 from domesim.scene.flat_file import CinemaFile, OnItsWay
+from domesim.scene.grade import SCREENS, Grade
 
 LENS, PORT_GLASS, ROOM = "lens", "port glass", "room"
 """Names of the parts of light's way."""
@@ -162,6 +163,8 @@ class CinemaScene(Scene):
         What happens to light on its way.
     ambient
         Luminance of the unlit screen (projector black and stray light), cd/m².
+    grade
+        What belongs to the grade of masters.
     file
         What commands call it: its file's path, or the name of a bundled one.
     content
@@ -177,6 +180,7 @@ class CinemaScene(Scene):
     sources: Mapping[str, str]
     way: LightsWay
     ambient: float
+    grade: Grade = SCREENS
     file: str = field(default="", compare=False)
     content: str = field(default="", compare=False)
     chosen: tuple[str, ...] = field(default=(), init=False)
@@ -226,6 +230,12 @@ class CinemaScene(Scene):
         """See `Scene`."""
         return self.way.approximation
 
+    @property
+    def unlit(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """See `Scene`."""
+        black = self.projector.black
+        return np.full((1, 3), black), np.full((1, 3), self.ambient - black)
+
     def observation(self, rows: int, cols: int) -> AdjointObservation:
         """See `Scene`."""
         return self.way.one_view(rows, cols, self.ambient / self.projector.white)
@@ -249,6 +259,7 @@ class CinemaScene(Scene):
             f"{self.viewing.distance:g} m",
             "Projector": f"white {self.projector.white:g} cd/m², black "
             f"{self.projector.black:g} cd/m², {self.projector.primaries} primaries",
+            "Light without a picture": self.graded,
             **self.way.facts(self.projector.luminance_weights),
         }
 
@@ -267,4 +278,5 @@ def cinema(file: CinemaFile) -> CinemaScene:
         sources=file.sources,
         way=way,
         ambient=lit.black_cd_m2 + file.ambient.luminance_cd_m2,
+        grade=file.grade.over(SCREENS),
     )

@@ -14,6 +14,7 @@ from domesim.observation.projector import NAMES
 from domesim.room.flat_room import FlatRoom
 from domesim.scene.fields import (
     AmbientSection,
+    GradeSection,
     Length,
     Luminance,
     NoLuminance,
@@ -155,6 +156,7 @@ class CinemaFile(OnItsWay):
     description: str = ""
     projector: FlatProjectorSection
     ambient: AmbientSection = AmbientSection()
+    grade: GradeSection = GradeSection()
     viewing: FlatViewingSection
     sources: dict[str, str] = Field(default_factory=dict)
 

@@ -20,6 +20,7 @@ from domesim.light import Light, require_light, require_mask, transfer
 from domesim.light.blocks import block_sums, by_blocks
 from domesim.light.guarded import guarded
 from domesim.light.planes import Columns, Index, Planes, gathered
+from domesim.light.rounding import ROUNDING
 from domesim.light.strips import all_within, in_strips
 from domesim.observation.projector import require_primaries
 from domesim.scene import Scene, StereoScene
@@ -215,7 +216,13 @@ def _require_whole_views(master: Master, scene: Scene) -> None:
 
 
 def encoded(
-    master: Master, light: Light, scene: Scene, screen: NDArray[np.bool_]
+    master: Master,
+    light: Light,
+    scene: Scene,
+    screen: NDArray[np.bool_],
+    *,
+    before: Planes | None = None,
+    unclipped: Planes | None = None,
 ) -> tuple[Master, float]:
     """`master` with the picture on the screen replaced by `light`.
 
@@ -234,6 +241,12 @@ def encoded(
         Where it is shown.
     screen
         (row, col) bool: pixels to replace.
+    before
+        What tells the light that `light` was made of, so that its grade is kept: only the
+        difference is encoded, and where there is none, code values stay, to the bit.
+    unclipped
+        What tells the same light before it was clipped to what the projector shows: what was
+        clipped is kept, too. None if nothing was.
 
     Returns
     -------
@@ -255,11 +268,19 @@ def encoded(
     least, largest = 0.0, master.code_range[1]
     of_halves = largest == float(np.finfo(np.float16).max)
     pixels = np.empty(light.shape, np.float16 if of_halves else np.float32)
-    columns, end = Columns(screen), light.shape[2]
+    columns, end, same = Columns(screen), light.shape[2], new.means_the_same_as(old)
 
     def encode(view: int, rows: slice) -> int:
         cols, full = columns.of(rows), columns.full(rows)
-        codes = projector.encode(light[view, rows, cols], curve, new.primaries)
+        shown = light[view, rows, cols]
+        changed = None
+        if before is not None:
+            shown, changed = _graded(shown, before, unclipped, view, rows, cols)
+        codes = projector.encode(shown, curve, new.primaries)
+        if changed is not None and same:
+            as_it_was = master.frames[view].pixels[rows, cols]
+            for p in range(codes.shape[-1]):
+                np.copyto(codes[..., p], as_it_was[..., p], where=~changed)
         for p in range(pixels.shape[-1]):  # NumPy is slow along an axis of three
             pixels[view, rows, cols, p] = np.clip(codes[..., p], least, largest)
         for beside in (slice(0, full.start), slice(full.stop, end)):
@@ -273,7 +294,7 @@ def encoded(
         around = master.frames[view].pixels[rows, cols]
         if not around.size:
             return
-        if not new.means_the_same_as(old):
+        if not same:
             shown = projector.decode(np.asarray(around, np.float32), read, old.primaries)
             around = projector.encode(shown, curve, new.primaries)
         if around.dtype != pixels.dtype or not of_halves:  # halves are within their range
@@ -285,6 +306,19 @@ def encoded(
     clipped = sum(in_strips(encode, light.shape))
     result = master.encoded_as(new, pixels)
     return result, clipped / (len(light) * np.count_nonzero(screen))
+
+
+def _graded(
+    light: Light, before: Planes, unclipped: Planes | None, view: int, rows: slice, cols: slice
+) -> tuple[Light, NDArray[np.bool_]]:
+    """Light with what was clipped of the master, and (row, col) where it is not the master's."""
+    own = before(view, rows, cols)
+    apart = (np.abs(light[..., p] - plane) > ROUNDING for p, plane in enumerate(own))
+    changed = reduce(np.logical_or, apart)
+    if unclipped is None:
+        return light, changed
+    beyond = [more - plane for more, plane in zip(unclipped(view, rows, cols), own, strict=True)]
+    return light + np.stack(beyond, axis=-1), changed
 
 
 @guarded

@@ -27,6 +27,7 @@ from domesim.room.viewing import Viewing
 from domesim.scene.base import Scene
 from domesim.scene.crosstalk_maps import CrosstalkMaps, load_maps
 from domesim.scene.flat import LightsWay, way_of
+from domesim.scene.grade import SCREENS, Grade
 from domesim.scene.stereo_file import (
     CrosstalkSection,
     MeasuredProjectorSection,
@@ -109,6 +110,8 @@ class StereoScene(Scene):
     ambient
         (view, primary) light of the unlit screen through the glasses, as the luminance of a white
         picture that has as much of this primary, cd/m².
+    stray
+        How much of that is not the projectors' black, cd/m².
     seats
         Crosstalk by the seats' names.
     chosen
@@ -122,6 +125,8 @@ class StereoScene(Scene):
         The hardware, if that is described.
     way
         What lens, port glass and room do to light, if that is described.
+    grade
+        What belongs to the grade of masters.
     digest
         SHA-256 of what its crosstalk depends on.
     model
@@ -140,12 +145,14 @@ class StereoScene(Scene):
     sources: Mapping[str, str]
     size: tuple[float, float]
     ambient: NDArray[np.float64]
+    stray: float
     seats: Mapping[str, Seat]
     chosen: tuple[str, ...]
     background: NDArray[np.float32] | None = None
     table: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
     theatre: StereoTheatre | None = None
     way: LightsWay | None = None
+    grade: Grade = SCREENS
     digest: str = ""
     model: str = ""
     file: str = field(default="", compare=False)
@@ -268,6 +275,12 @@ class StereoScene(Scene):
         return seats[0] if len(seats) == 1 else SeveralSeats(seats)
 
     @property
+    def unlit(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """See `Scene`."""
+        ambient = np.reshape(self.ambient, (self.views, -1))
+        return ambient - self.stray, np.full_like(ambient, self.stray)
+
+    @property
     def crosstalk_alone(self) -> StereoScene:
         """The same system with neither lens nor room."""
         return replace(self, way=None)
@@ -363,6 +376,7 @@ class StereoScene(Scene):
             "Crosstalk": f"{shares} ({self.model})",
             "Projector": f"white {self.projector.white:g} cd/m² {through}, black "
             f"{self.projector.black:g} cd/m², {self.projector.primaries} primaries",
+            "Light without a picture": self.graded,
             **({} if self.way is None else self.way.facts(self.projector.luminance_weights)),
             **({} if self.way is None or not self._measured else {"Uncertainty": _UNKNOWN}),
         }
@@ -480,6 +494,7 @@ def _scene(
 ) -> StereoScene:
     screen = file.screen
     table = file.crosstalk.table
+    stray = 0.0 if file.ambient.photograph else file.ambient.luminance_cd_m2
     models = {
         "figures": "figures of the scene file",
         "table": "grey-to-grey table of the scene file",
@@ -496,7 +511,9 @@ def _scene(
         ),
         sources=file.sources,
         size=(screen.width_m, screen.height_m),
-        ambient=black + (0 if file.ambient.photograph else file.ambient.luminance_cd_m2),
+        ambient=black + stray,
+        stray=stray,
+        grade=file.grade.over(SCREENS),
         seats=seats,
         chosen=(next(iter(seats)),),
         table=None

@@ -25,6 +25,7 @@ from domesim.scene.fields import (
     TAGS,
     AmbientSection,
     Coordinate,
+    GradeSection,
     Leak,
     LeakOfAView,
     Luminance,
@@ -276,6 +277,7 @@ class StereoFile(OnItsWay):
     description: str = ""
     projector: ProjectorSection
     ambient: BackgroundSection = BackgroundSection()
+    grade: GradeSection = GradeSection()
     crosstalk: CrosstalkSection
     seats: tuple[SeatSection, ...] = ()
     viewing: FlatViewingSection

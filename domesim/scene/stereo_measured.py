@@ -101,5 +101,5 @@ def _require_agreement(key: str, stated: float | None, measured: float, path: Pa
         return
     raise InputError(
         f"projector.{key}: must be that of the readings, {measured:.4g} ({path.name}), got "
-        f"{stated:g}; leave it out"
+        f"{stated:g}; leave it out. Whether pictures keep the black, [grade] black says, or --black"
     )

@@ -323,7 +323,7 @@ def open_job(
     job = Job(out / FOLDER, digest, mixed, settings.get("domesim"))
     with ExitStack() as stack:
         try:
-            _make_folder(job.folder)
+            make_folder(job.folder)
             job.settings_file(digest).parent.mkdir(exist_ok=True)
             clients = stack.enter_context(clients_of(job.folder))
             there = _settle(job, text, clients, change=mixed or anew)
@@ -385,7 +385,7 @@ def _names_in(folder: Path) -> set[str]:
     return set()
 
 
-def _make_folder(folder: Path) -> None:
+def make_folder(folder: Path) -> None:
     """Make the job's own folder, or mark that of an earlier version."""
     if _is_of_before(folder):
         with suppress(FileExistsError):

@@ -40,9 +40,10 @@ class Observing(Recipe):
             seen = observation.observe(light)
             result, clipped = encoded(source, seen, theatre, theatre.screen(*light.shape[1:3]))
             direct = observation.direct(light)
+            kept = theatre.kept.astype(light.dtype)[:, None, None, :]
             figures = {
                 "direct_cd_m2": mean_luminance(direct, theatre),
-                "pollution_cd_m2": mean_luminance(seen - direct, theatre),
+                "pollution_cd_m2": mean_luminance(seen - direct - kept, theatre),
                 "clipped_share": clipped,
             }
             show = theatre.projector.to_display
@@ -70,6 +71,12 @@ class Observing(Recipe):
     def settings(self) -> dict[str, Any]:
         """See `Recipe`."""
         return {"command": "observe", **self.scene.settings()}
+
+    @property
+    def about(self) -> str:
+        """See `Recipe`: what becomes of light without a picture."""
+        theatre = self.scene.load()
+        return f"{theatre.name}: {theatre.graded}"
 
     small = "What is projected, and what is seen"
 

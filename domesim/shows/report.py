@@ -240,6 +240,7 @@ class Report:
             film_note=self.film_note,
             ends=[*rows][:1] + [*rows][-1:],
             verdicts=self._verdicts(rows.values()),
+            about=self._recipe.about,
             small=self._recipe.small,
             worst=[self._row(name, rows[name]) for name in ranked[:SHOWN]],
             options=self._recipe.options(self._writing),

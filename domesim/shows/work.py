@@ -176,6 +176,11 @@ class Recipe(ABC):
         """All other files that are written for the frame whose result is `output`."""
         return ()
 
+    @property
+    def about(self) -> str:
+        """Says in a sentence of the report what its figures take for granted; "" for nothing."""
+        return ""
+
     small = ""
     """What the small pictures of a report are, in words; "" without any."""
 

@@ -298,7 +298,10 @@ def test_a_frame_without_pollution_has_empty_maps() -> None:
     assert found.verdict is Verdict.NOTHING
 
 
-@pytest.mark.parametrize("scene", [dome("dome_imax"), stereo(black=0.01)], ids=["dome", "pair"])
+POLLUTED = stereo(black=0.01).with_grade("taken-out")
+
+
+@pytest.mark.parametrize("scene", [dome("dome_imax"), POLLUTED], ids=["dome", "pair"])
 def test_the_rooms_own_light_is_no_pollution(scene: DomeScene | StereoScene) -> None:
     size = (1, 64, 64, 3) if isinstance(scene, DomeScene) else (2, ROWS, COLS, 3)
     posed = pose(np.zeros(size, np.float32), scene)
@@ -307,6 +310,11 @@ def test_the_rooms_own_light_is_no_pollution(scene: DomeScene | StereoScene) -> 
         found = triage(posed, settings)
         assert found.untouched.residual.max() == found.untouched.prediction.max() == 0
         assert found.verdict is Verdict.NOTHING
+    graded = pose(posed.desired, scene.with_grade("kept", "kept"))
+    assert abs(Appraisal(graded).pollution) < 1e-8
+    for settings in (Prediction(), LOCAL):
+        found = triage(graded, settings)
+        assert found.untouched.residual.max() == found.untouched.prediction.max() == 0
     # nor is it an error to take it away where that can be done
     grey = pose(np.full(size, 0.5, np.float32), scene)
     assert triage(grey).subtracted.share == 0

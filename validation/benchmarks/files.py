@@ -116,7 +116,7 @@ def file_costs(*, quick: bool = False) -> Iterator[FileCost]:
         yield _alone(f"dome {side}², EXR", files, folder, (side, side), runs)
         cols, rows = 1920 // small, 1080 // small
         pair = night_street(cols)[:, :rows]
-        for suffix in ("png", "exr"):
+        for suffix in ("png", "exr", "dpx"):
             files = _stored(folder, "pair", pair, suffix)
             work = f"pair {cols} x {rows}, {suffix.upper()}"
             yield _alone(work, files, folder, (rows, cols), runs)
@@ -158,7 +158,8 @@ def _stored(folder: Path, name: str, light: Light, suffix: str) -> list[Path]:
         else:
             colour = ColourTag("srgb", "BT.709", "made so")
             codes = SRGB().encode(picture).astype(np.float32)
-            write_frame(Frame(codes, first, colour, 16, floating=False), first)
+            bits = 10 if suffix == "dpx" else 16
+            write_frame(Frame(codes, first, colour, bits, floating=False), first)
         for number in range(2, LONG + 1):
             link = folder / first.name.replace("0001", f"{number:04}")
             if not link.exists():

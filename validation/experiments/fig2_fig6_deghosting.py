@@ -159,7 +159,7 @@ def _measured(
 ) -> Seen:
     density = posed.scene.viewing.pixels_per_degree(*posed.screen.shape)
     error, ghost = (
-        luminance(posed.seen(one) - posed.desired, posed.scene)[:, region[0], region[1]]
+        luminance(posed.seen(one) - posed.wanted, posed.scene)[:, region[0], region[1]]
         for one in (light, posed.desired)
     )
     edges = Appraisal(posed).ghost_edges(light)

@@ -37,7 +37,11 @@ def shows(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Show]:
     noise = np.random.default_rng(2)
     texture = {shape: 0.03 * noise.random((*shape, 3)) for shape in ((96, 96), (72, 128))}
     for number in range(1, COUNT + 1):
-        for name, shape, shift in (("dome", (96, 96), 0), ("l", (72, 128), 0), ("r", (72, 128), 9)):
+        for name, shape, shift in (
+            ("dome", (96, 96), 0),
+            ("l", (72, 128), 0),
+            ("r", (72, 128), 24),
+        ):
             row, col = np.mgrid[: shape[0], : shape[1]]
             place = col - shape[1] * number / (COUNT + 1) - shift
             light = np.exp(-(place**2 + (row - 40) ** 2) / 120)[..., None] * [1.0, 0.8, 0.5]

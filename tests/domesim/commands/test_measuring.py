@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from rigs import BLACK, LEFT, NOISE, RIGHT, TO_LEFT, TO_RIGHT, Rig, masters, refused
+from rigs import BLACK, LEFT, NOISE, TO_LEFT, TO_RIGHT, Rig, masters, refused
 
 from domesim.errors import InputError
 from domesim.frames import read_frame
@@ -20,7 +20,7 @@ from domesim.readings.pair import measured_pair
 from domesim.scene import load_stereo
 
 RIG = Rig(noise=NOISE, repeats=3, ramps=False)
-OWN, LEAKS = (LEFT, RIGHT), (TO_LEFT, TO_RIGHT)
+LEAKS = (TO_LEFT, TO_RIGHT)
 
 
 @pytest.fixture
@@ -45,15 +45,16 @@ def shown(scene, files):
 
 
 def residual(pair, frames, wanted):
-    """What the true rig shows beyond the wanted picture, in its own RGB, and what causes it.
+    """What the true rig shows beyond the wanted picture and its black, and what causes it.
+
+    In its own RGB:
 
     (view, row, col, primary) error, and (view, row, col, primary) light of the other projector.
     """
     own = np.stack([light @ m.T for light, m in zip(frames, pair.gamut.matrices, strict=True)])
     aim = np.stack([light @ m.T for light, m in zip(wanted, pair.gamut.matrices, strict=True)])
-    dark = [np.linalg.solve(m, BLACK[eye]) for m, eye in zip(OWN, ("left", "right"), strict=True)]
     ghosts = [own[1 - v] @ LEAKS[v].T for v in range(2)]
-    seen = np.stack([own[v] + ghosts[v] + dark[v] for v in range(2)])
+    seen = np.stack([own[v] + ghosts[v] for v in range(2)])
     return seen - aim, own[::-1]
 
 
