@@ -26,7 +26,6 @@ from typing import Any, TypeAlias, final
 import numpy as np
 
 from compensate.pose import Eye, Posed, Stage
-from compensate.report_card import losses
 from compensate.ruler import FINEST
 from domesim.errors import InputError
 from domesim.frames import Master
@@ -135,6 +134,8 @@ class Looking(Recipe):
 
     def work(self, note: Note) -> Work[Any, Any]:
         """See `Recipe`."""
+        from compensate.report_card import losses  # noqa: PLC0415 - slow to load
+
         theatre = self.scene.load()
         stage = Stage(theatre, self.eye)
 
