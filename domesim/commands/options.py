@@ -152,7 +152,8 @@ class Place:
         """
         choice = SceneChoice(self.scene, self.transport, self.seat, self.black, self.ambient, gamut)
         scene = scene_of(choice, console)
-        console.say(f"{scene.name}: {scene.graded}")
+        if any(part.any() for part in scene.unlit):
+            console.say(f"{scene.name}: {scene.graded}")
         return choice.settled(scene), scene
 
     def files(self) -> tuple[str | Path | None, ...]:
