@@ -15,6 +15,7 @@ from domesim.frames.encodings import ENCODINGS, encoding_named
 from domesim.frames.film import FILMS
 from domesim.frames.formats import SUFFIXES, WRITTEN
 from domesim.frames.video import SUFFIXES as VIDEOS
+from domesim.frames.views import TOGETHER
 from domesim.host.console import Console
 from domesim.scene import Scene
 from domesim.shows.cinema import SUFFIX as CINEMA
@@ -149,6 +150,14 @@ class Results:
             show_default=False,
         ),
     ] = None
+    together: Annotated[
+        str | None,
+        typer.Option(
+            "--output-packing",
+            help=f"Pairs: write left and right as one picture: {', '.join(TOGETHER)}.",
+            show_default=False,
+        ),
+    ] = None
     dither: Annotated[
         str,
         typer.Option(
@@ -178,8 +187,14 @@ class Results:
         colour = None
         if self.output_encoding is not None:
             colour = encoding_named(self.output_encoding, "--output-encoding")
+        together = next((each for each in TOGETHER if each == self.together), None)
+        if self.together is not None and together is None:
+            raise InputError(
+                f"--output-packing {self.together!r} is not known; use one of {', '.join(TOGETHER)}"
+            )
         suffix = suffix_of(self.file_format)
-        return Writing(suffix, self.bits, self.dither == TPDF, repair, self.fps, colour)
+        dither = self.dither == TPDF
+        return Writing(suffix, self.bits, dither, repair, self.fps, colour, together)
 
 
 @final

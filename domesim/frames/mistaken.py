@@ -28,7 +28,7 @@ def refuse_packing(paths: Sequence[Path], packing: str | None, got: str) -> None
 
 def refuse_stated_packing(path: Path, packing: str | None, eyes: Eyes | None) -> None:
     """Refuse a file that says of itself that it is packed in another way than was asked."""
-    if eyes is not None and packing not in (None, eyes.packing):
+    if eyes is not None and packing not in (None, eyes.packing, f"{eyes.packing}-half"):
         raise InputError(
             f"{path}: wanted a master packed as {packing}, got one that says it is {eyes}. Name "
             f"that packing, or correct the file."

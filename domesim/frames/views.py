@@ -8,7 +8,7 @@ an OpenEXR file (``exr_parts.py``), or as an MPO, two JPEGs in one file; many vi
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, replace
 from functools import partial
@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from domesim.advice import ADVICE
-from domesim.errors import InputError
+from domesim.errors import HopelessError, InputError
 from domesim.frames.colour import ColourTag
 from domesim.frames.depths import code_range
 from domesim.frames.dithering import seed_of
@@ -42,19 +42,28 @@ from domesim.frames.mistaken import (
     refuse_packing,
     refuse_stated_packing,
 )
+from domesim.frames.packings import ANAGLYPH, Shared, put_together, taken_apart
 from domesim.frames.quilts import Quilt, layout_in
 from domesim.frames.reading import read_image
 from domesim.frames.video import video_of
 from domesim.frames.writing import encoded, target_of
 from domesim.host.system import in_memory
 from domesim.host.writing import write_together
+from domesim.light import transfer
 
-Packing: TypeAlias = Literal[
-    "single", "files", "side-by-side", "top-bottom", "multi-view", "multi-part", "mpo", "quilt"
-]
+Packing: TypeAlias = Literal["single", "files", "multi-view", "multi-part", "mpo", "quilt"] | Shared
 """How a master's frames lie in files."""
 
-_PACKINGS: tuple[Packing, ...] = get_args(Packing)
+TOGETHER: tuple[Shared, ...] = get_args(Shared)
+"""Packings that any pair may be written in."""
+READ: tuple[Packing, ...] = (
+    *(each for each in TOGETHER if each != ANAGLYPH),
+    "multi-view",
+    "multi-part",
+    "mpo",
+    "quilt",
+)
+"""Packings of one file that are read."""
 _DESCRIPTIONS = {
     "files": "left and right in two files",
     "side-by-side": "left and right side by side",
@@ -62,9 +71,14 @@ _DESCRIPTIONS = {
     "multi-view": "left and right as views of one part",
     "multi-part": "left and right in two parts",
     "mpo": "left and right in one MPO",
+    "side-by-side-half": "left and right side by side at half width",
+    "top-bottom-half": "left above right at half height",
+    "frame-packed": "left and right frame-packed",
+    "row-interleaved": "left and right row by row",
+    ANAGLYPH: "an anaglyph",
 }
+_WHITE = 100.0  # cd/m²; any will do, for it cancels out
 _FRAME_PACKED = {(1280, 1470): 720, (1920, 2205): 1080}  # HDMI 1.4a, 8.2.3.2: rows of a view
-_AXES: Mapping[Packing, int] = {"side-by-side": 1, "top-bottom": 0}
 
 
 @dataclass(frozen=True, eq=False)
@@ -279,8 +293,9 @@ def read_master(
     files = tuple(Path(path) for path in paths)
     if len(files) not in (1, 2):
         raise InputError(f"read_master takes one or two paths, got {len(files)}")
-    if packing is not None and packing not in _PACKINGS:
-        raise InputError(f"read_master takes packing {', '.join(_PACKINGS)}, got '{packing}'")
+    known = ("single", "files", *READ)
+    if packing is not None and packing not in known:
+        raise InputError(f"read_master takes packing {', '.join(known)}, got '{packing}'")
     read = partial(read_image, repair=repair, halves=halves, colour=colour, layer=layer)
     if len(files) == 2:
         refuse_packing(files, packing, "files")
@@ -381,6 +396,15 @@ def require_writable(master: Master, paths: Sequence[str | Path], bits: int | No
             f"{files[0]}: wanted .mpo or .jpg for left and right in one MPO, got "
             f"'{files[0].suffix}'. Choose one of these, or save left and right as two files first."
         )
+    if master.packing in TOGETHER:
+        rows, cols = master.frames[0].pixels.shape[:2]
+        try:
+            put_together([np.empty((rows, cols), np.uint8)] * 2, master.packing, abs, abs)
+        except ValueError as error:
+            raise InputError(
+                f"{files[0]}: wanted {error} to write them {master.packing}, got {cols} x {rows}. "
+                f"Choose another packing."
+            ) from error
     if master.packing in ("multi-view", "multi-part"):
         if master.file is None:
             raise InputError(
@@ -433,6 +457,34 @@ def made_for(
     return replace(master, becomes=colour, limits=limits)
 
 
+def packed(master: Master, packing: Shared) -> Master:
+    """The same pair, to be written as one picture.
+
+    Parameters
+    ----------
+    master
+        A pair.
+    packing
+        How left and right are to lie in it.
+
+    Returns
+    -------
+    master
+        With that packing.
+
+    Raises
+    ------
+    InputError
+        If it is no pair.
+    """
+    if len(master.frames) != 2 or master.quilt is not None:
+        raise HopelessError(
+            f"{master.path}: wanted left and right for --output-packing {packing}, got "
+            f"{master.quilt or 'one picture'}; leave it out"
+        )
+    return replace(master, packing=packing)
+
+
 # Reading.
 
 
@@ -464,13 +516,13 @@ def _read_file(
     layout = layout_in(path)
     if packing is None and layout is not None:
         packing = "quilt"
-    frame = read(path, grey=packing in _AXES or packing == "quilt")
+    frame = read(path, grey=packing in TOGETHER or packing == "quilt")
     if packing == "quilt":
         return _quilted(frame, layout)
     eyes = frame.header.eyes
     refuse_stated_packing(path, packing, eyes)
-    if packing is not None and packing in _AXES:
-        return Master(_halves(frame, packing, eyes), packing, eyes=eyes)
+    if packing is not None and packing in TOGETHER:
+        return Master(_apart(frame, packing, eyes), packing, eyes=eyes)
     return Master((frame,))
 
 
@@ -504,8 +556,8 @@ def _read_inner(path: Path, content: bytes, colour: ColourTag | None) -> Frame:
     return replace(frame, path=path)
 
 
-def _halves(frame: Frame, packing: Packing, eyes: Eyes | None) -> tuple[Frame, ...]:
-    axis = _AXES[packing]
+def _apart(frame: Frame, packing: Shared, eyes: Eyes | None) -> tuple[Frame, ...]:
+    """Left and right of one picture."""
     rows, cols = frame.pixels.shape[:2]
     way = ADVICE["without the gap" if video_of(frame.path) is None else "a film without the gap"]
     if packing == "top-bottom" and (high := _FRAME_PACKED.get((cols, rows))) is not None:
@@ -514,14 +566,15 @@ def _halves(frame: Frame, packing: Packing, eyes: Eyes | None) -> tuple[Frame, .
             f"whose lines {high + 1} to {rows - high} are neither's. Take them out "
             f"({way.given(cols=cols, high=high, low=rows - high)})."
         )
-    if (rows, cols)[axis] % 2:
+    try:
+        pixels = taken_apart(frame.pixels, packing)
+    except ValueError as error:
         raise InputError(
-            f"{frame.path}: wanted an even {('height', 'width')[axis]} for two views packed as "
-            f"{packing}, got {cols} x {rows} px. Crop it first, or name another packing."
-        )
+            f"{frame.path}: wanted {error} for two views packed as {packing}, got {cols} x {rows} "
+            f"px. Crop it first, or name another packing."
+        ) from error
     order = _order(eyes)
-    pixels = np.split(frame.pixels, 2, axis)
-    extra = [np.split(plane, 2, axis) for plane in frame.header.extra]
+    extra = [taken_apart(plane, packing) for plane in frame.header.extra]
     return tuple(
         replace(
             frame,
@@ -581,7 +634,7 @@ def _encoded_together(master: Master, path: Path, bits: int | None, *, dither: b
         return jpeg.joined_pair(*map(encoded, (left, right), repeat(path), repeat(bits), seeds))
     if not left.colour.means_the_same_as(right.colour):
         raise InputError(f"write_master takes one encoding, got {left.colour} and {right.colour}")
-    if master.packing in _AXES:
+    if master.packing in TOGETHER:
         eyes = master.eyes
         # What cannot be said is not so, either: then left comes first.
         form = SUFFIXES[path.suffix.lower()]  # see `require_writable`
@@ -595,14 +648,16 @@ def _encoded_together(master: Master, path: Path, bits: int | None, *, dither: b
     return encoded_several(master.frames, master.file, path, bits)
 
 
-def _whole(left: Frame, right: Frame, packing: Packing) -> Frame:
-    """The image that `_halves` takes apart."""
+def _whole(left: Frame, right: Frame, packing: Shared) -> Frame:
+    """The image that `_apart` takes apart."""
     if left.header.channels != right.header.channels:
         raise InputError(
             f"write_master takes the same channels of left and right for '{packing}', "
             f"got {left.header.channels} and {right.header.channels}"
         )
-    return _joined((left, right), partial(np.concatenate, axis=_AXES[packing]))
+    curve = transfer.named(left.colour.transfer, white=_WHITE)
+    join = partial(put_together, packing=packing, decode=curve.decode, encode=curve.encode)
+    return _joined((left, right), join)
 
 
 def _joined(

@@ -14,7 +14,6 @@ import subprocess
 import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from fractions import Fraction
 from itertools import chain
 from pathlib import Path
 from typing import Any, final
@@ -41,9 +40,10 @@ from domesim.shows.work import Order, Writing
 SUFFIX = ".mxf"
 WRAPPER = "asdcp-wrap"
 _FRAMES = ".j2c"
-_RATE = Fraction(24)
-_LARGEST = 1302083
-"""Bytes of a frame at 250 Mbit/s (DCI DCSS, 4.3.2), which the encoder keeps to."""
+_RATES = (24, 25, 30, 48, 50, 60)
+"""Frames a second of DCPs (SMPTE ST 428-11)."""
+_RATE = 250_000_000
+"""Bits a second of a DCP's picture (DCI DCSS, 4.3.2)."""
 _OTHERWISE = (
     "--format tif --output-encoding dcdm writes frames, which DCP-o-matic takes, too; --format j2c "
     "codestreams"
@@ -59,9 +59,12 @@ class Cinema:
     ----------
     path
         Where it goes.
+    rate
+        Frames a second.
     """
 
     path: Path
+    rate: int
 
     @property
     def paths(self) -> tuple[Path, ...]:
@@ -103,18 +106,20 @@ class Cinema:
                 )
         note_made(self.path, job, made_of)
         views = "left and right" if eyes == 2 else "2D"
-        console.say(f"-> {self.path} (24 frames a second, {views}, without sound)")
+        console.say(f"-> {self.path} ({self.rate} frames a second, {views}, without sound)")
 
     def _wrapped(self, orders: Sequence[Order], temporary: Path) -> int:
         """Wraps the frames as `temporary` by asdcp-wrap; returns the number of eyes."""
         eyes = len(orders[0].output)
+        largest = _RATE // 8 // self.rate // eyes
         for order in orders:
             for path in order.output:
-                if path.stat().st_size > _LARGEST // eyes:
+                if path.stat().st_size > largest:
                     raise InputError(
-                        f"{path}: wanted at most {_LARGEST // eyes} bytes for a picture of a DCP "
-                        f"of two eyes (250 Mbit/s), got {path.stat().st_size}. Let DCP-o-matic "
-                        "encode it (--format tif --output-encoding dcdm)"
+                        f"{path}: wanted at most {largest} bytes for a picture of a DCP of "
+                        f"{('one eye', 'two eyes')[eyes - 1]} at {self.rate} frames a second (250 "
+                        f"Mbit/s), got {path.stat().st_size}. Let DCP-o-matic encode it (--format "
+                        f"tif --output-encoding dcdm)"
                     )
         with tempfile.TemporaryDirectory(prefix="domesim-") as scratch:
             folders = [Path(scratch) / f"{eye}" for eye in range(eyes)]
@@ -123,7 +128,7 @@ class Cinema:
                 for number, order in enumerate(orders):
                     link = folder / f"{number:08}{_FRAMES}"
                     link.symlink_to(order.output[eye].absolute())
-            options = [*(["-3"] if eyes == 2 else []), "-L", "-p", str(_RATE)]
+            options = [*(["-3"] if eyes == 2 else []), "-L", "-p", str(self.rate)]
             command = [WRAPPER, *options, *map(str, folders), str(temporary)]
             done = subprocess.run(command, capture_output=True, text=True, check=False)
         if done.returncode or not temporary.is_file():
@@ -159,18 +164,18 @@ def becoming(show: Show, folder: Path, writing: Writing) -> tuple[Writing, Films
             f"{_OTHERWISE}"
         )
     rate = timing_asked(show, writing.fps).rate
-    if rate != _RATE:
+    if rate not in _RATES:
         raise InputError(
-            f"--format mxf has 24 frames a second, got {float(rate):.6g}; add --fps 24 if that is "
-            "meant"
+            f"--format mxf has {', '.join(map(str, _RATES))} frames a second, got "
+            f"{float(rate):.6g}; say which is meant, such as --fps 24"
         )
     frames = replace(writing, suffix=_FRAMES, fps=None, output=xyz)
-    path = place_of(show.outputs(folder, _FRAMES)[0][0], SUFFIX)
+    path = place_of(frames.places(show, folder)[0][0], SUFFIX)
     if len(show.moments[0]) == 2:  # of both
         path = path.with_stem(path.stem.removesuffix(".left").removesuffix("_left") or path.stem)
     pyav(path)
     refuse_inputs([path], chain(*show.moments))
-    return frames, Cinema(path)
+    return frames, Cinema(path, int(rate))
 
 
 def dcp_hint(orders: Sequence[Order], done: Sequence[Mapping[str, Any]]) -> str:

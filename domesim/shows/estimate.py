@@ -102,7 +102,7 @@ def estimate(
             "these there are (--workers)"
         )
     writing, films = becoming(show, folder, writing)
-    show.outputs(folder, writing.suffix)  # complains as the run would
+    writing.places(show, folder)  # complains as the run would
     crew = crew_of(running, recipe, show)
     count = len(show.moments)
     workers = 1 if crew is None else crew.workers
@@ -124,7 +124,7 @@ def estimate(
     tried = _Tried()
     with tempfile.TemporaryDirectory(prefix=".domesim-", dir=place) as scratch:
         part = show.some(chosen)
-        outputs = part.outputs(Path(scratch), writing.suffix)
+        outputs = writing.places(part, Path(scratch))
         for output in outputs:
             for path in output:
                 path.parent.mkdir(parents=True, exist_ok=True)

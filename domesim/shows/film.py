@@ -200,7 +200,7 @@ def films_of(show: Show, folder: Path, writing: Writing) -> tuple[Writing, Films
     exact = film.codec == "ffv1"
     suffix = ".tif" if exact and writing.bits in (10, 12) else ".png"
     frames = replace(writing, suffix=suffix, bits=writing.bits if exact else 16, fps=None)
-    outputs = show.outputs(folder, suffix)
+    outputs = frames.places(show, folder)
     paths = tuple(place_of(output, film.suffix) for output in outputs[0])
     if len(set(paths)) < len(paths):
         paths = tuple(

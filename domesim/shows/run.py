@@ -187,7 +187,7 @@ def each_frame(
         here = tuple(tuple(path.absolute() for path in moment) for moment in show.moments)
         show, folder = replace(show, moments=here), folder.absolute()
     writing, films = becoming(show, folder, writing or Writing())
-    outputs = show.outputs(folder, writing.suffix)
+    outputs = writing.places(show, folder)
     beside = [tuple(recipe.beside(output)) for output in outputs]
     refuse_inputs(chain(*beside), chain(*show.moments))
     if show.numbered:

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import final, get_args
+from typing import final
 
 from domesim.errors import InputError
-from domesim.frames import ColourTag, Master, Packing, read_master
+from domesim.frames import ColourTag, Master, read_master
 from domesim.frames.encodings import encoding_named
 from domesim.frames.mistaken import refuse_one_file
+from domesim.frames.views import READ
 from domesim.shows.checksums import listed_sums, require_sum, sum_of
 from domesim.shows.sequences import (
     find_moments,
@@ -22,8 +24,12 @@ from domesim.shows.sequences import (
     source_of,
 )
 
-PACKINGS = tuple(kind for kind in get_args(Packing) if kind not in ("single", "files"))
+PACKINGS = READ
 """How left and right may lie in one file."""
+
+
+_OF_VIEWS = re.compile("%[Vv]")
+"""Nuke's places for a view's name, and for its first letter."""
 
 
 @final
@@ -105,8 +111,22 @@ class Show:
             layer=self.layer,
         )
 
-    def outputs(self, folder: Path, suffix: str | None) -> tuple[tuple[Path, ...], ...]:
+    def outputs(
+        self, folder: Path, suffix: str | None, *, together: bool = False
+    ) -> tuple[tuple[Path, ...], ...]:
         """Where in `folder` the results for each go.
+
+        Parameters
+        ----------
+        folder, suffix
+            As for `output_paths`.
+        together
+            Whether left and right become one file: it has the left one's name.
+
+        Returns
+        -------
+        paths
+            One of each moment, or left and right.
 
         Raises
         ------
@@ -114,7 +134,7 @@ class Show:
             If a result would replace an input, or another result.
         """
         pairs = tuple((files[0], files[1]) for files in self.moments if len(files) == 2)
-        if pairs:
+        if pairs and not together:
             return output_pairs(pairs, folder, suffix)
         paths = output_paths([files[0] for files in self.moments], folder, suffix)
         return tuple((path,) for path in paths)
@@ -136,7 +156,8 @@ def find_show(
     Parameters
     ----------
     master
-        A file or numbered pattern; or None, with `left` and `right`.
+        A file or numbered pattern, of both views where it has Nuke's ``%V`` ("left", "right") or
+        ``%v`` ("l", "r"); or None, with `left` and `right`.
     left, right
         Those of the two eyes.
     packing
@@ -160,6 +181,13 @@ def find_show(
     part = ranges_of(parse_frames(frames)) if frames else ""
     if packing is not None and packing not in PACKINGS:
         raise InputError(f"--packing {packing!r} is not known; use one of {', '.join(PACKINGS)}")
+    if master is not None and _OF_VIEWS.search(master):
+        if left is not None or right is not None:
+            raise InputError(f"{master}: names both views (%V); leave --left and --right out")
+        left, right = (
+            master.replace("%V", name).replace("%v", name[0]) for name in ("left", "right")
+        )
+        master = None
     if master is not None and (left is not None or right is not None):
         raise InputError(
             f"wanted one master or --left and --right, got both: {master} and {left or right}; "

@@ -28,8 +28,9 @@ from numpy.typing import NDArray
 from domesim.errors import HopelessError, InputError, reason
 from domesim.frames import ColourTag, Master, read_master, write_master
 from domesim.frames.messages import joined
+from domesim.frames.packings import ANAGLYPH, Shared
 from domesim.frames.reading import size_of, unsaid
-from domesim.frames.views import keeps_layers, made_for
+from domesim.frames.views import keeps_layers, made_for, packed
 from domesim.host.console import about
 from domesim.host.numbers import decimal
 from domesim.host.system import peak_memory
@@ -256,6 +257,8 @@ class Writing:
         master's if None.
     output
         The results' encoding; the master's if None.
+    together
+        How left and right are to lie in one picture; as in the master's files if None.
     """
 
     suffix: str | None = None
@@ -264,6 +267,11 @@ class Writing:
     repair: bool = False
     fps: float | None = None
     output: ColourTag | None = None
+    together: Shared | None = None
+
+    def places(self, show: Show, folder: Path) -> tuple[Files, ...]:
+        """Where in `folder` a show's results go; see `Show.outputs`."""
+        return show.outputs(folder, self.suffix, together=self.together is not None)
 
     def options(self) -> dict[str, str]:
         """Options of `Recipe.options` that all commands that write frames have."""
@@ -273,6 +281,8 @@ class Writing:
             "--dither": "tpdf" if self.dither else "none",
             "--output-encoding": "as the master" if self.output is None else self.output.named,
         }
+        if self.together is not None:
+            options["--output-packing"] = self.together
         if self.fps is not None:
             options["--fps"] = f"{self.fps:g}"
         return options | ({"--repair": "yes"} if self.repair else {})
@@ -430,6 +440,8 @@ class Steps:
                 with self._readied(order):
                     master = order.show.read(order.moment, repair=how.repair, known=known)
                 facts = master.facts()
+                if how.together is not None:
+                    master = packed(master, how.together)
                 master = made_for(master, order.output, how.bits, how.output)
                 if how.output is not None:
                     facts["encoding"] = asdict(how.output)
@@ -522,6 +534,9 @@ class _Writer:
         output, writing = self._order.output, self._order.writing
         write_master(result, output, bits=writing.bits, dither=writing.dither)
         self._written = True
+        if result.packing == ANAGLYPH:  # whose eyes nobody can take apart
+            self._stored = result
+            return
         packing = None if result.packing in ("single", "files") else result.packing
         try:
             self._stored = read_master(

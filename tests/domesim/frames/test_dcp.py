@@ -280,6 +280,14 @@ def test_a_dcp_is_made_by_asdcplib(tmp_path: Path, out: Path, run: Run, wrapper:
     assert "(made before)" in again.out
 
 
+def test_a_dcp_may_have_another_rate(tmp_path: Path, out: Path, run: Run, wrapper: Path) -> None:
+    masters(tmp_path, "in")
+    order = ("compensate", tmp_path / "in.####.tif", "--scene", "dome_hemisphere", *HOW)
+    result = run(*order, "--format", "mxf", "--fps", 48, "--out", out)
+    assert "in.mxf (48 frames a second" in result.out
+    assert wrapper.read_text() == "-L -p 48"
+
+
 def test_a_dcp_of_two_eyes_is_made(tmp_path: Path, out: Path, run: Run, wrapper: Path) -> None:
     for side in ("left", "right"):
         masters(tmp_path, f"in.{side}")
@@ -329,7 +337,7 @@ def test_codestreams_of_a_dcp_have_its_profile_and_size(
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (("--fps", "25"), "24 frames a second, got 25"),
+        (("--fps", "23"), "48, 50, 60 frames a second, got 23"),
         (("--output-encoding", "srgb"), "is X'Y'Z'"),
         (("--frames", "1"), None),
     ],
