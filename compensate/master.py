@@ -269,17 +269,19 @@ class Solution:
             self.frame, light, posed.scene, posed.screen, before=before, unclipped=unclipped
         )
 
-    def glanced(self, appraisal: Appraisal) -> Glance | None:
-        """Forgets the light, once it is encoded, where figures need a glance alone: of domes.
+    def spent(self, appraisal: Appraisal) -> tuple[Master, float, Glance | None]:
+        """Encodes as `encoded`, and forgets the light where figures need a glance alone: of domes.
 
-        Returns None where they need all of it, or none of it.
+        The glance is None where they need all of it, or none of it.
         """
         light, posed = self.result.light, self.posed
-        if posed.floor is None or posed.setting.uncertain is not None or posed.subtracts(light):
-            return None
+        kept = posed.floor is None or posed.setting.uncertain is not None
+        if kept or posed.subtracts(light) or light is posed.whole:
+            return *self.encoded(), None
         glance = appraisal.glance(light)
+        frame, clipped = encoded(self.frame, light, posed.scene, posed.screen, spent=True)
         self.result = replace(self.result, light=np.empty((len(light), 0, *light.shape[2:])))
-        return glance
+        return frame, clipped, glance
 
     def figures(
         self,
@@ -301,7 +303,7 @@ class Solution:
             Leaves out `loss_before` and plain figures where subtraction is exact: in a sequence,
             they would take longer than all the rest.
         glance
-            As of `glanced`.
+            As of `spent`.
 
         Returns
         -------

@@ -316,24 +316,25 @@ class Stage:
             np.broadcast_to(np.float32(0), shape), setting.observation.shape, who="compensate"
         )
         if isinstance(setting.single, LowRankObservation) and is_cheap(frame, self._scene):
-            return self._told(setting, light_of)
+            brightest = max(each.brightest_half or 0 for each in frame.frames)
+            return self._told(setting, light_of, bright=brightest > 1)
         desired, out_of_range = within_range(gathered(light_of, shape), setting.screen)
         desired = _on(setting.screen, desired, desired)
         shown = desired if overlay is None else overlay.over(desired)
         return Posed(setting, planes_of(desired), shown, overlay=overlay), out_of_range
 
-    def _told(self, setting: Setting, light_of: Planes) -> tuple[Posed, float]:
-        """`pose_frame` of a dome's light that is decoded anew for each use."""
-        screen, counts = setting.screen, []
+    def _told(self, setting: Setting, light_of: Planes, *, bright: bool) -> tuple[Posed, float]:
+        """`pose_frame` of a dome's light, some above 1 if `bright`, decoded anew for each use."""
+        screen, counts = setting.screen, [0]
 
         def planes(view: int, rows: Index, cols: Index, *, count: bool = False) -> Sequence[Array]:
             found, on = light_of(view, rows, cols), screen[rows, cols]
-            if count:
+            if count and bright:
                 counts.append(beyond(found, on, (0, 1), SLACK))
             for off in setting.columns.partly(rows, cols):
                 for plane in found:
                     plane[..., off] *= on[..., off]
-            for plane in found:  # none is below 0
+            for plane in found if bright else ():  # none is below 0
                 np.minimum(plane, np.float32(1), out=plane)
             return found
 

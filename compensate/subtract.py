@@ -31,7 +31,7 @@ from __future__ import annotations
 import math
 import threading
 from collections.abc import Callable, Sequence
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, reduce
 from itertools import pairwise
 from typing import Any, NamedTuple, TypeAlias, TypeVar, final
 
@@ -58,7 +58,7 @@ from domesim.observation.crosstalk import Crosstalk
 from domesim.observation.dome_pair import ReflectedViews
 from domesim.observation.followed import Followed
 from domesim.observation.grey_to_grey import GreyToGrey
-from domesim.observation.lowrank import LowRank, LowRankObservation, expand
+from domesim.observation.lowrank import LowRank, LowRankObservation
 from domesim.observation.stereo import StereoObservation
 
 Floats = NDArray[Any]
@@ -180,7 +180,7 @@ class Floor:
         Returns
         -------
         planes
-            (row, col) of each primary.
+            Of each primary: they broadcast with (row, col).
         """
         return self._strips.floor((rows, cols), self._s)
 
@@ -450,12 +450,13 @@ class _Strips:
         return each if self.k.leaks is None else self.k.leaks @ each
 
     def floor(self, at: At, s: Floats) -> list[Floats]:
-        """What is seen without own light, (row, col) of each view and primary, in a part."""
+        """What is seen without own light, of each view and primary: it broadcasts with a part."""
         k, floor, excited = self.k, [], self.excited(s).astype(self._dtype)
         for (v, p), by in zip(self.planes, excited, strict=True):
-            plane = expand(k.spread[:, *at], by) if len(by) else np.zeros((), by.dtype)
+            modes = [once(mode) * each for mode, each in zip(k.spread[:, *at], by, strict=True)]
+            plane = reduce(np.add, modes) if modes else np.zeros((), by.dtype)
             if self._dark is not None:
-                plane = np.add(plane, self._dark[v, *at, p], out=plane if plane.ndim else None)
+                plane = plane + once(self._dark[v, *at, p])
             floor.append(plane)
         return floor
 
@@ -465,7 +466,7 @@ class _Strips:
         modes = k.spread[:, *at] if k.gain is None else k.spread[:, *at] / k.gain[at]
         wanted = [plane for view in range(self._shape[0]) for plane in self._wanted(view, *at)]
         for own, floor in zip(wanted, self.floor(at, s), strict=True):
-            plane = np.subtract(own, floor, out=floor) if floor.ndim else own - floor
+            plane = np.subtract(own, floor, out=floor if floor.shape == own.shape else None)
             if k.gain is not None:
                 plane /= k.gain[at]
             free.append(plane)
@@ -511,9 +512,15 @@ class _Strips:
         else:
             bounds = zip(shown.light, shown.bounds, strict=True)
             moving = [(x > low) & (x < high) for x, (low, high) in bounds]
+        all_move = np.array([[summed(m) for m in line] for line in overlaps])
         return (
             np.array([[product(each, x) for each in collect] for x in shown.light]),
-            np.array([[[summed(on * m) for m in line] for line in overlaps] for on in moving]),
+            np.array(
+                [
+                    all_move if on.all() else [[summed(on * m) for m in line] for line in overlaps]
+                    for on in moving
+                ]
+            ),
         )
 
     def near(self, s: Floats) -> float:

@@ -372,12 +372,12 @@ def _end(solution: Solution, write: Write) -> tuple[dict[str, Any], str]:
     coarse, weights = 0.0, posed.scene.projector.luminance_weights
     if not exact and not are_fine(solution.frame):
         coarse = visible_steps(solution.frame, posed.seen(light), posed.screen, weights)
-    frame, clipped = solution.encoded()
     del light
-    glance = solution.glanced(appraisal)
+    frame, clipped, glance = solution.spent(appraisal)
+    frames = [frame]
+    del frame
     with ThreadPoolExecutor(1, "domesim-file") as beside:
-        written = beside.submit(write, frame)
-        del frame
+        written = beside.submit(lambda: write.__call__(frames.pop()))  # which alone knows it then
         found = solution.figures(appraisal, clipped, brief=exact, glance=glance)
         written.result()
     write.small(*small)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -14,6 +15,7 @@ from domesim.frames.colour import ColourTag
 from domesim.frames.depths import code_range
 from domesim.frames.eyes import Eyes
 from domesim.frames.formats.base import Format
+from domesim.frames.halves import are_sound
 from domesim.frames.orientation import UPRIGHT
 
 Pixels: TypeAlias = NDArray[np.float32]
@@ -102,6 +104,14 @@ class Frame:
     def code_range(self) -> tuple[float, float]:
         """The least and the largest code value that its format can hold at its depth."""
         return code_range(self.bits, floating=self.floating)
+
+    @cached_property
+    def brightest_half(self) -> float | None:
+        """The largest code value, if all are halves that `are_sound`; else None."""
+        halves: NDArray[Any] = np.asarray(self.pixels)
+        if halves.dtype != np.float16 or not are_sound(halves):
+            return None
+        return float(halves.view(np.uint16).max().view(np.float16))
 
     def described(self) -> str:
         """One phrase for a person: ``2048 x 2048 JPEG, 8 bit, sRGB (assumed for JPEG)``."""

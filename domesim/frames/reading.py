@@ -21,6 +21,7 @@ from domesim.frames.colour import ColourTag
 from domesim.frames.depths import FLOATING, INTEGER, code_span, dtype_of
 from domesim.frames.formats import FORMATS, LABELS
 from domesim.frames.formats.base import Format, Window, camera_raw
+from domesim.frames.formats.exr import halves_of
 from domesim.frames.frame import Frame, Header, Pixels
 from domesim.frames.halves import are_sound
 from domesim.frames.integrity import (
@@ -601,7 +602,7 @@ def read_plane(path: Path, reader: Any, place: int, channel: str, kind: str) -> 
 
 def read_samples(path: Path, reader: Any, channels: range, kind: str) -> NDArray[Any]:
     """(row, col, channel) of the data window of the reader's present part."""
-    samples = _samples(reader, channels, kind)
+    samples = _samples(path, reader, channels, kind)
     problem, form = problem_of(reader), FORMATS[reader.format_name()]
     form.explain(path, problem)
     if samples is None or problem:
@@ -614,13 +615,18 @@ _BAND = 256
 """Rows that are read at once: whole blocks of any compression of EXR."""
 
 
-def _samples(reader: Any, channels: range, kind: str) -> NDArray[Any] | None:
+def _samples(path: Path, reader: Any, channels: range, kind: str) -> NDArray[Any] | None:
     """(row, col, channel) of the data window; None if they cannot be read.
 
     A picture that is read at once is copied by OpenImageIO, from memory that as many bytes take.
     """
     spec, part = reader.spec(), reader.current_subimage()
-    if reader.format_name() != "openexr" or spec.tile_width or spec.height <= _BAND:
+    of_exr = reader.format_name() == "openexr"
+    if of_exr and kind == "half" and len(channels) == spec.nchannels:
+        halves = halves_of(path, spec.channelnames)
+        if halves is not None:
+            return halves
+    if not of_exr or spec.tile_width or spec.height <= _BAND:
         whole: NDArray[Any] | None = reader.read_image(part, 0, channels.start, channels.stop, kind)
         return whole
     samples = np.empty((spec.height, spec.width, len(channels)), dtype_of(kind))

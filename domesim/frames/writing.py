@@ -351,7 +351,8 @@ def _keeps_colour(frame: Frame) -> bool:
 def encode(path: Path, name: str, parts: Sequence[tuple[Any, NDArray[Any]]]) -> bytes:
     """A file's bytes; several `parts` (specification, samples) only of a format of parts."""
     form, whole = FORMATS[name], parts[0][1]
-    parts = [form.headed(*part) for part in parts]
+    if len(parts) == 1:
+        parts = [form.headed(*parts[0])]
     with ExitStack() as stack:
         try:
             memory, place = stack.enter_context(in_memory(form.encoder_suffix(path)))
@@ -378,7 +379,8 @@ def encode(path: Path, name: str, parts: Sequence[tuple[Any, NDArray[Any]]]) -> 
                 f"{path}: wanted to encode a {form.label}, got '{problem}'. Write another format."
             )
         memory.seek(0)
-        return form.filled(memory.read(), whole)
+        content = memory.read()
+        return content if len(parts) > 1 else form.filled(content, parts[0][0], whole)
 
 
 @contextmanager

@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 from domesim.advice import ADVICE
 from domesim.errors import HopelessError, InputError
 from domesim.frames import Master
-from domesim.frames.halves import are_sound, as_floats
+from domesim.frames.halves import as_floats, as_halves
 from domesim.frames.video import video_of
 from domesim.light import Light, require_light, require_mask, transfer
 from domesim.light.blocks import block_sums, by_blocks
 from domesim.light.guarded import guarded
-from domesim.light.planes import Columns, Index, Planes, gathered
+from domesim.light.planes import Columns, Index, Planes, empty_light, gathered
 from domesim.light.rounding import ROUNDING
 from domesim.light.strips import all_within, in_strips
 from domesim.observation.projector import require_primaries
@@ -154,8 +154,7 @@ def is_cheap(master: Master, scene: Scene) -> bool:
     cheap
         Whether it is.
     """
-    pixels = [frame.pixels for frame in master.frames]
-    halves = all(each.dtype == np.float16 and are_sound(np.asarray(each)) for each in pixels)
+    halves = all(frame.brightest_half is not None for frame in master.frames)
     return halves and _is_light(master, scene)
 
 
@@ -223,6 +222,7 @@ def encoded(
     *,
     before: Planes | None = None,
     unclipped: Planes | None = None,
+    spent: bool = False,
 ) -> tuple[Master, float]:
     """`master` with the picture on the screen replaced by `light`.
 
@@ -247,6 +247,8 @@ def encoded(
     unclipped
         What tells the same light before it was clipped to what the projector shows: what was
         clipped is kept, too. None if nothing was.
+    spent
+        Whether the light may be overwritten: halves then take its memory, and no more.
 
     Returns
     -------
@@ -267,7 +269,11 @@ def encoded(
     curve = transfer.named(new.transfer, white=projector.white)
     least, largest = 0.0, master.code_range[1]
     of_halves = largest == float(np.finfo(np.float16).max)
-    pixels = np.empty(light.shape, np.float16 if of_halves else np.float32)
+    if spent and of_halves and (planes := np.moveaxis(light, -1, 1)).flags.c_contiguous:
+        halves = planes.view(np.float16)[..., : light.shape[2]]  # a row's lie where the row began
+        pixels = np.moveaxis(halves, 1, -1)
+    else:
+        pixels = empty_light(light.shape, np.float16 if of_halves else np.float32)
     columns, end, same = Columns(screen), light.shape[2], new.means_the_same_as(old)
 
     def encode(view: int, rows: slice) -> int:
@@ -281,13 +287,16 @@ def encoded(
             as_it_was = master.frames[view].pixels[rows, cols]
             for p in range(codes.shape[-1]):
                 np.copyto(codes[..., p], as_it_was[..., p], where=~changed)
+        # Half a code of 16 bit: rounding, not clipping
+        each = [codes[..., p] for p in range(codes.shape[-1])]
+        count = beyond(each, screen[rows, cols], (least, largest), 0.5 / 65535)
         for p in range(pixels.shape[-1]):  # NumPy is slow along an axis of three
-            pixels[view, rows, cols, p] = np.clip(codes[..., p], least, largest)
+            within = np.clip(each[p], least, largest)
+            within = as_halves(within) if of_halves and within.dtype == np.float32 else within
+            pixels[view, rows, cols, p] = within
         for beside in (slice(0, full.start), slice(full.stop, end)):
             keep(view, rows, beside)
-        # Half a code of 16 bit: rounding, not clipping
-        planes = [codes[..., p] for p in range(codes.shape[-1])]
-        return beyond(planes, screen[rows, cols], (least, largest), 0.5 / 65535)
+        return count
 
     def keep(view: int, rows: slice, cols: slice) -> None:
         """What lies off the screen in some columns."""

@@ -538,6 +538,8 @@ class _Writer:
             self._stored = result
             return
         packing = None if result.packing in ("single", "files") else result.packing
+        colour = result.colour
+        del result  # what is read back takes its memory
         try:
             self._stored = read_master(
                 output,
@@ -545,7 +547,7 @@ class _Writer:
                 repair=True,
                 allow_identical=True,
                 halves=True,
-                colour=result.colour,
+                colour=colour,
                 layer=self._order.show.layer if keeps_layers(output[0]) else None,
             )
             self.unsaid = unsaid(self._stored.frames[0])

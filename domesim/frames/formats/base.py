@@ -332,13 +332,15 @@ class Format:
         """
         return spec, samples
 
-    def filled(self, content: bytes, samples: NDArray[Any]) -> bytes:
+    def filled(self, content: bytes, spec: Any, samples: NDArray[Any]) -> bytes:
         """Complete what OpenImageIO made of `headed`.
 
         Parameters
         ----------
         content
             What OpenImageIO encoded.
+        spec
+            As `headed` returned it.
         samples
             (row, col, channel) codes, all of them.
 

@@ -117,7 +117,7 @@ class PNG(Format):
         spec.height = spec.full_height = 1
         return spec, samples[:1]
 
-    def filled(self, content: bytes, samples: NDArray[Any]) -> bytes:
+    def filled(self, content: bytes, spec: Any, samples: NDArray[Any]) -> bytes:
         """With the compressed lines of all samples."""
         chunks = list(chunks_of(content))
         first = next(k for k, (kind, _) in enumerate(chunks) if kind == b"IDAT")

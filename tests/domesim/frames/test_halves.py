@@ -13,7 +13,7 @@ from domesim.frames import (
     write_frame,
     write_master,
 )
-from domesim.frames.halves import are_sound, as_floats
+from domesim.frames.halves import are_sound, as_floats, as_halves
 from domesim.frames.views import made_for
 from domesim.scene import load_scene
 from domesim.scene.screening import decoded, encoded
@@ -59,6 +59,17 @@ def test_all_halves_become_the_floats_that_they_stand_for(halves: np.ndarray) ->
     np.testing.assert_array_equal(found, halves.astype(np.float32))
     if halves is not ALL:
         np.testing.assert_array_equal(as_floats(halves, sound=True), found)
+
+
+def test_floats_become_the_nearest_halves() -> None:
+    """Halves themselves, their middles, which go to the even one, and floats beside these."""
+    halves = SOUND.astype(np.float32)
+    middles = (halves[1:] + halves[:-1]) / 2
+    beside = [np.nextafter(middles, np.float32(end)) for end in (0, 1e9)]
+    floats = np.concatenate([halves, middles, *beside])[None, ::2]
+    np.testing.assert_array_equal(
+        as_halves(floats).view(np.uint16), floats.astype(np.float16).view(np.uint16)
+    )
 
 
 def test_codes_become_floats() -> None:
