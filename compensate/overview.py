@@ -173,9 +173,16 @@ class Overview:
     def _small(self) -> tuple[Floats, Floats]:
         """(rank, row, col) of the modes, and (primary, row, col) of light without a picture."""
 
-        def small(planes: Floats) -> Floats:
-            return np.moveaxis(averaged(np.moveaxis(planes, 0, -1)[None], self._screen)[0], -1, 0)
+        def averages(plane: Floats) -> Floats:
+            return averaged(plane[None, :, :, None], self._screen)[0, ..., 0]
 
+        def small(planes: Floats) -> Floats:
+            each = (once(plane) for plane in planes)
+            return np.stack(
+                [x[0, 0] * on if x.size == 1 else averages(x) for x in each], dtype=planes.dtype
+            )
+
+        on = averages(np.broadcast_to(np.float32(1), self._screen.shape))
         return small(self._factors.spread), small(self._factors.ambient)
 
     @cached_property
@@ -188,8 +195,13 @@ class Overview:
     def _means(self) -> tuple[Floats, Floats]:
         """(rank,) and (primary,) means of the same over the screen's area, without what is kept."""
         areas, whole = self._areas, float(self._areas.sum())
+
+        def mean(plane: Floats) -> float:
+            one = once(plane)
+            return float(one[0, 0]) if one.size == 1 else _summed(areas, plane) / whole
+
         modes, room = (
-            np.array([_summed(areas, plane) / whole for plane in planes])
+            np.array([mean(plane) for plane in planes])
             for planes in (self._factors.spread, self._factors.ambient)
         )
         if self._kept is not None:

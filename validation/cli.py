@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import platform
 from collections.abc import Callable, Collection
-from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, final
 
@@ -182,9 +181,7 @@ def _bench_files(out: Path, console: Console, *, quick: bool) -> None:
         found.append(cost)
         console.say(file_costs.line(cost))
     path = file_costs.write(out, found)
-    console.figures(
-        {"files": [{**asdict(each), "pairs": each.pairs, "copies": each.copies} for each in found]}
-    )
+    console.figures({"files": file_costs.figures(found)})
     console.say(f"Written: {path.resolve()}")
 
 

@@ -256,26 +256,27 @@ def test_commands_are_timed_from_file_to_file(tmp_path):
     one, further = islice(files.file_costs(quick=True), 2)
     assert one.work.startswith("dome 512")
     assert one.busy is None
-    assert one.pairs == one.seconds / one.unit
+    assert one.copies == one.cpu_s / one.copy_cpu_s > 1
     assert 0.05 < one.gib < 2
     assert files.write(tmp_path, [one, further]).stat().st_size > 0
     assert "% of" in files.line(further)
 
 
 def test_a_further_frame_is_what_a_longer_sequence_takes_more(tmp_path, monkeypatch):
+    slower = iter((1, 1, 3, 3, 2, 2))  # of three rounds, of which the middle one counts
+
     def ran(_files, _folder, *options):
-        count = int(options[options.index("--frames") + 1].split("-")[1])
-        return Job(seconds=2 + 0.5 * count, cpu_s=3 + 0.75 * count, gib=1.5, figures={})
+        count, times = int(options[options.index("--frames") + 1].split("-")[1]), next(slower)
+        return Job(
+            seconds=2 + 0.25 * count * times, cpu_s=3 + 0.375 * count * times, gib=1.5, figures={}
+        )
 
     monkeypatch.setattr(files, "_command", ran)
     monkeypatch.setattr(files, "cores", lambda: 2)
-    units = iter((0.03, 0.05, 0.2))  # the machine becomes slower
-    monkeypatch.setattr(files, "fft_pair", lambda rows, cols: next(units))
-    copies = iter((0.25, 0.5, 1.0))
+    copies = iter((0.25, 0.25, 0.25, 0.5, 1.0, 1.0, 1.0))
     monkeypatch.setattr(files, "copied", lambda files, at_once, folder: (0.0, next(copies)))
-    further = files._further("dome", [tmp_path / "dome.0001.exr"], tmp_path, (512, 512))
+    further = files._further("dome", [tmp_path / "dome.0001.exr"], tmp_path, 3)
     assert further.seconds == pytest.approx(0.5)
     assert further.cpu_s == pytest.approx(0.75)
     assert further.busy == pytest.approx(0.75)
-    assert further.pairs == pytest.approx(10)
     assert further.copies == pytest.approx(1.5)

@@ -1,13 +1,10 @@
-"""Whole commands from file to file, in multiples of a copy, and of one FFT pair of a plane.
+"""Whole commands from file to file, beside copies of the same files.
 
-A copy of the same files by `oiiotool` (`validation.benchmarks.copying`) is the least that reading
-and writing takes: its core-seconds are taken before, between and after runs.
-
-A pair is a forward and an inverse `scipy.fft` of one float32 plane on all cores, timed before and
-after each command, for a machine's speed changes by a half within a minute: what one transform of
-the picture would take at least. Pictures are a night with lamps in a
-dome, and a street at night with a sky in 3D: dark foregrounds, bright places. `compensate` itself,
-called from Python, is timed on that street and on the photographed pairs of the test data.
+A copy by `oiiotool` (`validation.benchmarks.copying`) is the least that reading and writing takes:
+its core-seconds are taken before, between and after runs, for a machine's speed changes by a half
+within a minute. So is the speed at which one core moves memory. Pictures are a night with lamps in
+a dome, and a street at night with a sky in 3D: dark foregrounds, bright places. `compensate`
+itself, called from Python, is timed on that street and on the photographed pairs of the test data.
 """
 
 from __future__ import annotations
@@ -23,7 +20,6 @@ from statistics import median
 from typing import TypeVar, final
 
 import numpy as np
-import scipy.fft
 
 from compensate import compensate
 from domesim.frames import ColourTag, Frame, write_frame
@@ -47,9 +43,9 @@ DOME, PAIR = "dome_imax", "stereo_polarised_paper"
 PHOTOGRAPHS = ("trunks", "fog", "motorcycle")
 """Pairs of the test data that are called."""
 RUNS = 5
-SHORT, LONG = 4, 24
+SHORT, LONG = 2, 6
 """Frames of two sequences: what the longer one takes more is of further frames."""
-HEADER = f"{'work':<34}{'seconds':>9}{'pairs':>7}{'core-s':>8}{'copies':>8}{'MiB':>7}{'unit, s':>9}"
+HEADER = f"{'work':<34}{'seconds':>9}{'core-s':>8}{'a copy':>8}{'ratio':>7}{'MiB':>7}"
 
 
 @final
@@ -64,8 +60,6 @@ class FileCost:
     seconds, cpu_s, gib
         Time, core-seconds and peak memory of the whole process; for a further frame of a sequence,
         without the start, and the memory of all. A call from Python has no memory of its own.
-    unit
-        Seconds of one FFT pair, median.
     copy_cpu_s
         Core-seconds of a copy of the same files, median; None of calls from Python.
     busy
@@ -76,7 +70,6 @@ class FileCost:
     seconds: float
     cpu_s: float
     gib: float | None
-    unit: float
     copy_cpu_s: float | None = None
     busy: float | None = None
 
@@ -85,19 +78,15 @@ class FileCost:
         """Copies of the same files that take as many core-seconds."""
         return None if self.copy_cpu_s is None else self.cpu_s / self.copy_cpu_s
 
-    @property
-    def pairs(self) -> float:
-        """FFT pairs that take as long."""
-        return self.seconds / self.unit
-
 
 def line(cost: FileCost) -> str:
     """What was measured, under `HEADER`."""
     mib = "" if cost.gib is None else f"{1024 * cost.gib:.0f}"
-    copies = "" if cost.copies is None else f"{cost.copies:.2f}"
-    figures = f"{cost.seconds:>9.2f}{cost.pairs:>7.0f}{cost.cpu_s:>8.2f}{copies:>8}{mib:>7}"
+    copy = "" if cost.copy_cpu_s is None else f"{cost.copy_cpu_s:.2f}"
+    ratio = "" if cost.copies is None else f"{cost.copies:.2f}"
     busy = "" if cost.busy is None else f"  {cost.busy:.0%} of {cores()} cores busy"
-    return f"{cost.work:<34}{figures}{cost.unit:>9.4f}{busy}"
+    figures = f"{cost.seconds:>9.2f}{cost.cpu_s:>8.2f}{copy:>8}{ratio:>7}{mib:>7}"
+    return f"{cost.work:<34}{figures}{busy}"
 
 
 def file_costs(*, quick: bool = False) -> Iterator[FileCost]:
@@ -109,18 +98,24 @@ def file_costs(*, quick: bool = False) -> Iterator[FileCost]:
         for side, suffix in ((2048 // small, "png"), (4096 // small, "exr")):
             files = _stored(folder, "dome", night(side, 0), suffix)
             work = f"dome {side}², {suffix.upper()}"
-            yield _alone(work, files, folder, (side, side), runs)
-            yield _further(work, files, folder, (side, side))
+            yield _alone(work, files, folder, runs)
+            yield _further(work, files, folder, runs)
+        yield _alone(f"{work}, predicted", files, folder, runs, command="predict")
         side = 8192 // small
-        files = _stored(folder, "large", night(side, 0), "exr")
-        yield _alone(f"dome {side}², EXR", files, folder, (side, side), runs)
+        large = night(side, 0).astype(np.float16)
+        files = _stored(folder, "large", large, "exr")
+        yield _alone(f"dome {side}², EXR", files, folder, runs)
+        large = np.repeat(np.repeat(large, 2, 1), 2, 2)
+        files = _stored(folder, "largest", large, "exr")
+        del large
+        yield _alone(f"dome {2 * side}², EXR, once", files, folder, 1)
         cols, rows = 1920 // small, 1080 // small
         pair = night_street(cols)[:, :rows]
         for suffix in ("png", "exr", "dpx"):
             files = _stored(folder, "pair", pair, suffix)
             work = f"pair {cols} x {rows}, {suffix.upper()}"
-            yield _alone(work, files, folder, (rows, cols), runs)
-            yield _further(work, files, folder, (rows, cols))
+            yield _alone(work, files, folder, runs)
+            yield _further(work, files, folder, runs)
     scene = load_scene(PAIR)
     photographs, _ = present(() if quick else PHOTOGRAPHS)
     masters = {"night street": pair, **{name: from_data(name, scene)[0] for name in photographs}}
@@ -128,24 +123,30 @@ def file_costs(*, quick: bool = False) -> Iterator[FileCost]:
         yield _called(name, light, scene, runs)
 
 
-def fft_pair(rows: int, cols: int) -> float:
-    """Seconds of a forward and an inverse transform of one float32 plane, on all cores."""
-    plane = np.random.default_rng(0).random((rows, cols), np.float32)
+def bandwidth() -> float:
+    """GB/s that one core reads and writes, as `numpy.copyto` moves 200 MB."""
+    plane = np.ones(50_000_000, np.float32)
+    other = np.empty_like(plane)
 
     def once() -> float:
-        began = time.perf_counter()
-        scipy.fft.irfft2(scipy.fft.rfft2(plane, workers=cores()), s=plane.shape, workers=cores())
-        return time.perf_counter() - began
+        began = time.thread_time()
+        np.copyto(other, plane)
+        return time.thread_time() - began
 
-    return median(once() for _ in range(9))
+    return 2 * plane.nbytes / min(once() for _ in range(9)) / 1e9
 
 
 def write(folder: Path, found: Sequence[FileCost]) -> Path:
     """Write them into a folder; the path of the file."""
     path = folder / NAME
-    told = [{**asdict(each), "pairs": each.pairs, "copies": each.copies} for each in found]
-    write_whole(path, json.dumps({"cores": cores(), "costs": told}, indent=1).encode())
+    told = {"cores": cores(), "gb_per_s": bandwidth(), "costs": figures(found)}
+    write_whole(path, json.dumps(told, indent=1).encode())
     return path
+
+
+def figures(found: Sequence[FileCost]) -> list[dict[str, float | str | None]]:
+    """All of them, for JSON."""
+    return [{**asdict(each), "copies": each.copies} for each in found]
 
 
 def _stored(folder: Path, name: str, light: Light, suffix: str) -> list[Path]:
@@ -171,62 +172,64 @@ def _stored(folder: Path, name: str, light: Light, suffix: str) -> list[Path]:
 def _called(name: str, light: Light, scene: Scene, runs: int) -> FileCost:
     compensate(light, scene)  # what later calls share
     rows, cols = light.shape[1:3]
-
-    def called() -> tuple[float, float]:
+    took = []
+    for _ in range(runs):
         began, busy = time.perf_counter(), time.process_time()
         compensate(light, scene)
-        return time.perf_counter() - began, time.process_time() - busy
-
-    took, unit, _ = _beside([called] * runs, (rows, cols), (), Path())
+        took.append((time.perf_counter() - began, time.process_time() - busy))
     seconds, cpu_s = (median(each) for each in zip(*took, strict=True))
-    return FileCost(f"{name} {cols} x {rows}, Python", seconds, cpu_s, None, unit)
+    return FileCost(f"{name} {cols} x {rows}, Python", seconds, cpu_s, None)
 
 
 def _beside(
-    works: Sequence[Callable[[], T]], shape: tuple[int, int], files: Sequence[Path], folder: Path
-) -> tuple[list[T], float, float]:
-    """What works give; medians of FFT pairs' seconds, and of copies' core-seconds, around them."""
+    works: Sequence[Callable[[], T]], files: Sequence[Path], folder: Path
+) -> tuple[list[T], float]:
+    """What works give; the median of copies' core-seconds around them."""
     found: list[T] = []
-    units, copies = [], []
-    for work in (None, *works):
-        if work is not None:
-            found.append(work())
-        units.append(fft_pair(*shape))
+    copies = [copied(files, 1, folder)[1]]
+    for work in works:
+        found.append(work())
         copies.append(copied(files, 1, folder)[1])
-    return found, median(units), median(copies)
+    return found, median(copies)
 
 
-def _command(files: list[Path], folder: Path, *options: str) -> Job:
+def _command(files: list[Path], folder: Path, *options: str, command: str = "compensate") -> Job:
     named = [str(files[0])]
     if len(files) > 1:
         named = ["--left", str(files[0]), "--right", str(files[1])]
     scene = PAIR if len(files) > 1 else DOME
     where = ("--scene", scene, "--out", str(folder / "out"), "--anew", "--mix", "--json")
-    return run_command("compensate", *named, *where, *options)
+    return run_command(command, *named, *where, *options)
 
 
 def _alone(
-    work: str, files: list[Path], folder: Path, shape: tuple[int, int], runs: int
+    work: str, files: list[Path], folder: Path, runs: int, *, command: str = "compensate"
 ) -> FileCost:
-    jobs, unit, copy = _beside([partial(_command, files, folder)] * runs, shape, files, folder)
+    once = partial(_command, files, folder, command=command)
+    jobs, copy = _beside([once] * runs, files, folder)
     seconds, cpu_s, gib = (
         median(getattr(job, name) for job in jobs) for name in ("seconds", "cpu_s", "gib")
     )
-    return FileCost(work, seconds, cpu_s, gib, unit, copy)
+    return FileCost(work, seconds, cpu_s, gib, copy)
 
 
-def _further(work: str, files: list[Path], folder: Path, shape: tuple[int, int]) -> FileCost:
+def _further(work: str, files: list[Path], folder: Path, runs: int) -> FileCost:
     patterns = [path.with_name(path.name.replace("0001", "####")) for path in files]
-    (short, long), unit, copy = _beside(
-        [
-            partial(_command, patterns, folder, "--frames", f"1-{count}", "--pages", "0")
-            for count in (SHORT, LONG)
-        ],
-        shape,
-        files,
-        folder,
+
+    def sequence(count: int) -> Job:
+        return _command(patterns, folder, "--frames", f"1-{count}", "--pages", "0")
+
+    jobs, copy = _beside(
+        [partial(sequence, count) for count in (SHORT, LONG)] * runs, files, folder
     )
-    more = LONG - SHORT
-    seconds, cpu_s = (long.seconds - short.seconds) / more, (long.cpu_s - short.cpu_s) / more
+    shorts, longs = jobs[::2], jobs[1::2]
+    seconds, cpu_s = (
+        median(
+            (getattr(long, name) - getattr(short, name)) / (LONG - SHORT)
+            for short, long in zip(shorts, longs, strict=True)
+        )
+        for name in ("seconds", "cpu_s")
+    )
+    gib = median(job.gib for job in longs)
     busy = cpu_s / (seconds * cores())
-    return FileCost(f"{work}, a further one", seconds, cpu_s, long.gib, unit, copy, busy)
+    return FileCost(f"{work}, a further one", seconds, cpu_s, gib, copy, busy)
