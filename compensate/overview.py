@@ -155,8 +155,8 @@ class Overview:
         def look(_: int, blocks: slice) -> tuple[Floats, Floats]:
             some = slice(blocks.start * block, min(blocks.stop * block, rows))
             at = some, self._columns.of(some, block)
-            each = planes(0, *at)
-            collected = [[product(c, x) for c in f.collect[:, *at]] for x in each]
+            each, collect = planes(0, *at), f.collect[:, *at]
+            collected = [[product(c, x) for c in collect] for x in each]
             on = (
                 self._screen[at].astype(np.float32) if gain is None else self._screen[at] * gain[at]
             )
@@ -174,7 +174,7 @@ class Overview:
         """(rank, row, col) of the modes, and (primary, row, col) of light without a picture."""
 
         def averages(plane: Floats) -> Floats:
-            return averaged(plane[None, :, :, None], self._screen)[0, ..., 0]
+            return np.asarray(averaged(plane[None, :, :, None], self._screen)[0, ..., 0])
 
         def small(planes: Floats) -> Floats:
             each = (once(plane) for plane in planes)

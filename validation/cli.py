@@ -14,7 +14,7 @@ from domesim.errors import InputError
 from domesim.host.console import Console
 from domesim.host.cores import cores
 from domesim.host.writing import prepare, prepare_folder
-from validation.benchmarks import copying, writing
+from validation.benchmarks import copying, passes, writing
 from validation.benchmarks import files as file_costs
 from validation.benchmarks.measuring import Cost, Settings, costs
 from validation.benchmarks.problems import PROBLEMS
@@ -180,7 +180,11 @@ def _bench_files(out: Path, console: Console, *, quick: bool) -> None:
     for cost in file_costs.file_costs(quick=quick):
         found.append(cost)
         console.say(file_costs.line(cost))
-    path = file_costs.write(out, found)
+    parts, gb_per_s = file_costs.frame_passes(quick=quick), file_costs.bandwidth()
+    for one in (passes.HEADER, *map(passes.line, parts)):
+        console.say(one)
+    console.say(f"A core moves {gb_per_s:.1f} GB/s.")
+    path = file_costs.write(out, found, parts, gb_per_s)
     console.figures({"files": file_costs.figures(found)})
     console.say(f"Written: {path.resolve()}")
 

@@ -258,7 +258,11 @@ def test_commands_are_timed_from_file_to_file(tmp_path):
     assert one.busy is None
     assert one.copies == one.cpu_s / one.copy_cpu_s > 1
     assert 0.05 < one.gib < 2
-    assert files.write(tmp_path, [one, further]).stat().st_size > 0
+    parts = files.frame_passes(quick=True)
+    assert parts[0].moved == 6  # three halves are read
+    assert all(each.cpu_s >= 0 and 6 <= each.moved < 100 for each in parts[:-1])
+    assert parts[-1].moved == sum(each.moved for each in parts[:-1])
+    assert files.write(tmp_path, [one, further], parts, 20).stat().st_size > 0
     assert "% of" in files.line(further)
 
 

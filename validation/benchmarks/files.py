@@ -32,6 +32,7 @@ from testing.content.street import night_street
 from testing.masters import night, write_exr
 from validation.benchmarks.commands import Job, run_command
 from validation.benchmarks.copying import copied
+from validation.benchmarks.passes import Pass, passes
 from validation.data import from_data, present
 
 NAME = "files.json"
@@ -123,6 +124,13 @@ def file_costs(*, quick: bool = False) -> Iterator[FileCost]:
         yield _called(name, light, scene, runs)
 
 
+def frame_passes(*, quick: bool = False) -> list[Pass]:
+    """Passes of a further frame of 4096²; `quick` ones of a quarter of the side."""
+    with tempfile.TemporaryDirectory() as name:
+        (file,) = _stored(Path(name), "dome", night(1024 if quick else 4096, 0), "exr")
+        return passes(file, DOME, Path(name) / "out.exr", 2 if quick else RUNS)
+
+
 def bandwidth() -> float:
     """GB/s that one core reads and writes, as `numpy.copyto` moves 200 MB."""
     plane = np.ones(50_000_000, np.float32)
@@ -136,10 +144,11 @@ def bandwidth() -> float:
     return 2 * plane.nbytes / min(once() for _ in range(9)) / 1e9
 
 
-def write(folder: Path, found: Sequence[FileCost]) -> Path:
+def write(folder: Path, found: Sequence[FileCost], parts: Sequence[Pass], gb_per_s: float) -> Path:
     """Write them into a folder; the path of the file."""
     path = folder / NAME
-    told = {"cores": cores(), "gb_per_s": bandwidth(), "costs": figures(found)}
+    told = {"cores": cores(), "gb_per_s": gb_per_s, "costs": figures(found)}
+    told["passes"] = [asdict(each) for each in parts]
     write_whole(path, json.dumps(told, indent=1).encode())
     return path
 
