@@ -254,8 +254,11 @@ class Solution:
         frame, clipped = self.encoded()
         return Outcome(frame, self.result.light, self.figures(appraisal, clipped), appraisal)
 
-    def encoded(self) -> tuple[Master, float]:
-        """Encodes the frame to project; the second value is `Figures.file_clipped`."""
+    def encoded(self, *, spent: bool = False) -> tuple[Master, float]:
+        """Encodes the frame to project; the second value is `Figures.file_clipped`.
+
+        Its light is lost if it is `spent`.
+        """
         if self.method == "none" and self.frame.fits:
             return self.frame, 0.0
         posed, light = self.posed, self.result.light
@@ -266,7 +269,13 @@ class Solution:
         if posed.overlay is not None:
             light = posed.overlay.under(light, gathered(posed.planes, light.shape))
         return encoded(
-            self.frame, light, posed.scene, posed.screen, before=before, unclipped=unclipped
+            self.frame,
+            light,
+            posed.scene,
+            posed.screen,
+            before=before,
+            unclipped=unclipped,
+            spent=spent,
         )
 
     def spent(self, appraisal: Appraisal) -> tuple[Master, float, Glance | None]:
@@ -279,7 +288,7 @@ class Solution:
         if kept or posed.subtracts(light) or light is posed.whole:
             return *self.encoded(), None
         glance = appraisal.glance(light)
-        frame, clipped = encoded(self.frame, light, posed.scene, posed.screen, spent=True)
+        frame, clipped = self.encoded(spent=True)
         self.result = replace(self.result, light=np.empty((len(light), 0, *light.shape[2:])))
         return frame, clipped, glance
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import reduce
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -269,11 +270,7 @@ def encoded(
     curve = transfer.named(new.transfer, white=projector.white)
     least, largest = 0.0, master.code_range[1]
     of_halves = largest == float(np.finfo(np.float16).max)
-    if spent and of_halves and (planes := np.moveaxis(light, -1, 1)).flags.c_contiguous:
-        halves = planes.view(np.float16)[..., : light.shape[2]]  # a row's lie where the row began
-        pixels = np.moveaxis(halves, 1, -1)
-    else:
-        pixels = empty_light(light.shape, np.float16 if of_halves else np.float32)
+    pixels = _room_for_codes(light, of_halves=of_halves, spent=spent)
     columns, end, same = Columns(screen), light.shape[2], new.means_the_same_as(old)
 
     def encode(view: int, rows: slice) -> int:
@@ -315,6 +312,15 @@ def encoded(
     clipped = sum(in_strips(encode, light.shape))
     result = master.encoded_as(new, pixels)
     return result, clipped / (len(light) * np.count_nonzero(screen))
+
+
+def _room_for_codes(light: Light, *, of_halves: bool, spent: bool) -> NDArray[Any]:
+    """Any codes of the shape of light; in its own memory if they are halves, and it is spent."""
+    planes = np.moveaxis(light, -1, 1)
+    if not (spent and of_halves and planes.flags.c_contiguous):
+        return empty_light(light.shape, np.float16 if of_halves else np.float32)
+    halves = planes.view(np.float16)[..., : light.shape[2]]  # a row's lie where the row began
+    return np.moveaxis(halves, 1, -1)
 
 
 def _graded(
