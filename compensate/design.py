@@ -306,8 +306,6 @@ def theatre(content: Content, *, trace: bool) -> Scene:
         from domesim.pathtrace.tabulate import tabulate  # noqa: PLC0415 - loads Mitsuba
 
         return scene.with_transport(tabulate(scene.theatre, error=TRACED_ERROR).transport)
-    if scene.theatre.paint is not None:  # uneven paint, which the closed form alone knows
-        return scene
     return scene.with_transport(whole_transport(scene.theatre.enclosure))
 
 
@@ -316,8 +314,7 @@ def left_out(content: Content, *, trace: bool) -> tuple[str, ...]:
     scene = load_scene(content)
     if trace or not isinstance(scene, DomeScene):
         return ()
-    room = scene.theatre
-    return room.beyond_enclosure if room.paint is None else room.departures()
+    return scene.theatre.beyond_enclosure
 
 
 # Knobs.

@@ -161,6 +161,7 @@ def _require_plain(theatre: Theatre) -> None:
         "a truncated dome": theatre.dome.truncated_below is not None,
         "an ellipsoid": theatre.dome.height_ratio != 1,
         "projectors off the centre": bool(theatre.lenses),
+        "an albedo map": theatre.paint is not None,
         "a black screen": min(theatre.screen_albedo) <= 0,
     }
     found = [name for name, is_there in beyond.items() if is_there]

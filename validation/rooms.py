@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from domesim.room.dome import Dome
 from domesim.room.furniture import box, seating
-from domesim.room.theatre import Albedo, Cavity, Floor, Lens, Lobe, Solid, Theatre, Wall
+from domesim.room.theatre import Albedo, Cavity, Floor, Lens, Lobe, Paint, Solid, Theatre, Wall
 
 RADIUS = 5.0
 BARE = Theatre(Dome(RADIUS, np.pi / 2), (0.5, 0.5, 0.5))
@@ -100,6 +100,7 @@ def chosen() -> Iterator[Case]:
     yield Case("projector 0.5 r off centre, falloff known", aside, closed=EXACT)
     yield from _in_the_beam()
     yield from _furnished()
+    yield from _painted()
 
 
 def _floors() -> Iterator[Case]:
@@ -163,6 +164,24 @@ def _furnished() -> Iterator[Case]:
         yield Case(
             name, theatre, closed=closed, pictures=("coloured",), error=0.02, others=("Mitsuba",)
         )
+
+
+def _painted() -> Iterator[Case]:
+    """Screens whose albedo differs from place to place, and in each primary."""
+    centre = Lens("lens", (0.0, 0.0, 0.0), (0.0, 0.0, RADIUS), field=2 * np.pi)
+    lit: dict[str, Any] = {"lenses": (centre,), "corrected": False, "paint": _patchwork()}
+    asked: dict[str, Any] = {"error": 0.03, "others": ("Mitsuba",)}
+    yield Case("albedo map alone", replace(BARE, **lit), closed=EXACT, **asked)
+    room = replace(RECESSED, **lit)
+    yield Case("albedo map, recessed floor", room, closed=DARK, tabulated=2e-3, **asked)
+
+
+def _patchwork(size: int = 128) -> Paint:
+    """Half of it darker, dirty below, and its primaries' own waves."""
+    v, u = (np.mgrid[:size, :size] + 0.5) * (2 / size) - 1
+    shared = np.where(u < 0.1, 1.0, 0.5) * np.where(v > 0.6, 0.7, 1.0)
+    waves = [1 - 0.3 * np.sin(5 * (k + 1) * v) ** 2 for k in range(3)]
+    return Paint(shared[..., None] * np.stack(waves, -1))
 
 
 def drawn(number: int, seed: int) -> Case:

@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from domesim.observation.radiosity import radiosity
-from domesim.observation.spherical import ClosedFormDome
+from domesim.observation.spherical import bare_transport
+from domesim.observation.transport import TabulatedDome, Transport
 from domesim.pathtrace.observation import PathTracedDome
 from domesim.pathtrace.reference import path_traced
 from domesim.pathtrace.tabulate import tabulate
@@ -200,21 +201,20 @@ def _noise(share: Image, variance: Image) -> float:
 
 def _models(case: Case, tracer: Tracer, effort: Effort, seed: int) -> Iterator[tuple[str, _Model]]:
     theatre = case.theatre
-    closed = ClosedFormDome(
-        theatre.dome,
-        SIZE,
-        SIZE,
-        albedo=theatre.screen_albedo,
-        lens_gain=lens_gains(theatre, SIZE, SIZE).sum(0) if theatre.lenses else None,
-    )
+    gain = lens_gains(theatre, SIZE, SIZE).sum(0) if theatre.lenses else None
+    paint = None if theatre.paint is None else theatre.paint.on(SIZE, SIZE)
+
+    def seen(transport: Transport) -> TabulatedDome:
+        return transport.observation(SIZE, SIZE, lens_gain=gain, paint=paint)
+
+    closed = seen(bare_transport(theatre))
     yield CLOSED, _Model(partial(reflected, closed))
     enclosed = theatre.floor is not None or theatre.dome.height_ratio != 1
-    if enclosed and not theatre.beyond_enclosure and not theatre.lenses and not case.even:
+    if enclosed and not theatre.beyond_enclosure and not case.even:
         started = time.process_time()
         transport = radiosity(theatre, resolution=effort.rings)
         seconds = time.process_time() - started
-        observation = transport.observation(SIZE, SIZE)
-        yield RADIOSITY, _Model(partial(reflected, observation), cpu_s=seconds)
+        yield RADIOSITY, _Model(partial(reflected, seen(transport)), cpu_s=seconds)
     if case.tabulated:
         # The mean over the screen is the same with any patterns, and found sooner with one.
         alone = {"degree": 0, "explicit": False, "most": 1e8} if case.even else {}
@@ -224,9 +224,8 @@ def _models(case: Case, tracer: Tracer, effort: Effort, seed: int) -> Iterator[t
             (TABULATED, found.transport),
             (EIGHT, found.transport.reduced(0.0, 8)),
         ):
-            observation = transport.observation(SIZE, SIZE)
             claimed = transport.core_error[:, 0, 0].mean() / transport.mean_gain().mean()
-            yield way, _Model(partial(reflected, observation), float(claimed), found.seconds)
+            yield way, _Model(partial(reflected, seen(transport)), float(claimed), found.seconds)
 
 
 def _mitsuba(

@@ -3,7 +3,7 @@ A dome of two albedos
 =====================
 
 Compensate for a dome by an observation of your own: 200° of screen, half of which was painted anew.
-A scene's `screen.albedo_map` says the same without a program.
+A scene's `screen.albedo_map` says the same without a program, and more: floor, walls, furniture.
 
 On a sphere every place receives the same reflected light, whatever its own albedo. With rho a
 pixel's albedo, a its area, and x the light that is projected, as seen on a screen of albedo 0.5:

@@ -399,9 +399,9 @@ def _per_primary(values: NDArray[np.float64]) -> str:
 
 
 def _closed_gain(scene: DomeScene) -> NDArray[np.float64]:
-    from domesim.observation.spherical import bare_gain  # noqa: PLC0415
+    from domesim.observation.spherical import bare_transport  # noqa: PLC0415
 
-    return np.array([bare_gain(rho, scene.dome) for rho in scene.albedo])
+    return bare_transport(scene.theatre).mean_gain()
 
 
 def _second_opinion(

@@ -138,6 +138,11 @@ def _dome_figures(
             f"Flux: a white frame takes {light.lumens:,.0f} lm on "
             f"{decimal(scene.dome.screen_area)} m² of screen",
         )
+    if light is not None and light.albedo is not None:
+        console.say(
+            f"Albedo of the screen: {_range(figures['albedo_least'], figures['albedo_most'])}, by "
+            f"its map, holes counted in"
+        )
     if eyes:
         console.say(
             f"Seats: {len(eyes)}; heights of eyes over the dome's centre: "

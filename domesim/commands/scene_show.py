@@ -199,16 +199,22 @@ def _night(scene: DomeScene) -> tuple[Light, Light, dict[str, float]]:
 def _dome_tables(
     scene: DomeScene, light: Photometry, means: Mapping[str, float]
 ) -> tuple[list[tuple[str, list[Row]]], dict[str, Any]]:
-    dome, theatre = scene.dome, scene.theatre
+    dome, theatre, figures = scene.dome, scene.theatre, light.figures()
     weights = scene.projector.luminance_weights
-    albedo = float(weights @ np.asarray(scene.albedo))
-    closed = float(weights @ [bare_gain(rho, dome) for rho in scene.albedo])
+    mean = np.asarray(scene.albedo) * theatre.mean_paint
+    albedo = float(weights @ mean)
+    closed = float(weights @ [bare_gain(rho, dome) for rho in mean])
     room = [
         Row("radius_m", "Radius of the sphere", dome.radius, "m", ""),
         Row("screen_m2", "Area of the screen", dome.screen_area, "m²", ""),
         Row("tilt_deg", "Lean to the front", float(np.degrees(dome.tilt)), "°", ""),
         Row("albedo", "Albedo of the screen", albedo, "", "its holes counted in"),
     ]
+    if light.albedo is not None:
+        room += [
+            Row("albedo_least", "least, by its map", figures["albedo_least"], "", "of a primary"),
+            Row("albedo_most", "largest", figures["albedo_most"], "", "of a primary"),
+        ]
     if theatre.lobe is not None and theatre.lobe.share > 0:
         share = theatre.lobe.share
         room.append(Row("lobe_share", "Of it in a gain lobe", 100 * share, "%", ""))
@@ -216,7 +222,6 @@ def _dome_tables(
         Row("projectors", "Projectors", max(1, len(theatre.lenses)), "", ""),
         Row("seats", "Seats", len(theatre.seats), "", "that have room"),
     ]
-    figures = light.figures()
     names = {
         "white_direct_cd_m2": ("White, direct light", "cd/m²", "a small white patch, nearly"),
         "white_reflected_cd_m2": ("reflected light", "cd/m²", "what a white frame adds by itself"),

@@ -1,8 +1,9 @@
 """A picture of a theatre's light: what projectors reach, their blends, the brightness of white.
 
-Three domemasters side by side, the front of the theatre at the bottom: how many projectors reach a
+Domemasters side by side, the front of the theatre at the bottom: how many projectors reach a
 place, with those that none reaches in orange; the sum of their soft edges, which the projection
-system has to even out; and the luminance of a white frame.
+system has to even out; the luminance of a white frame; and the albedo of a screen that has a map,
+in the primaries' colours, over its largest.
 """
 
 from __future__ import annotations
@@ -75,7 +76,17 @@ def _drawers(coverage: Coverage, photometry: Photometry | None) -> list[_Drawer]
         shown = _disc(figure, number, parts, "White frame, cd/m²", values)
         _scale(figure, number, parts, shown, f"brightest over darkest: {photometry.uneven:.3g}")
 
-    return [counts, edges] if photometry is None else [counts, edges, white]
+    def albedo(figure: Any, number: int, parts: int) -> None:
+        assert photometry is not None
+        assert photometry.albedo is not None
+        values = photometry.albedo
+        most, on = values.max(), coverage.screen[..., None]
+        _disc(figure, number, parts, "Albedo of the screen", np.dstack([values / most, on]))
+        _legend(figure, number, parts, [((1.0, 1.0, 1.0), f"{most:.2g}"), ((0, 0, 0), "0")])
+
+    if photometry is None:
+        return [counts, edges]
+    return [counts, edges, white] + [albedo] * (photometry.albedo is not None)
 
 
 def _stored(drawers: Sequence[_Drawer]) -> bytes:

@@ -50,6 +50,9 @@ class Photometry:
         projection system evens them out.
     luminance
         (row, col) of a white frame, cd/m²; 0 off the screen.
+    albedo
+        (row, col, primary) albedo of a screen with a map, holes counted in; 0 off the screen. None
+        if it is the same everywhere.
     """
 
     direct: float
@@ -60,6 +63,7 @@ class Photometry:
     lumens: float
     evened: tuple[float, float]
     luminance: Floats
+    albedo: Floats | None = None
 
     @property
     def white(self) -> float:
@@ -84,7 +88,11 @@ class Photometry:
 
     def figures(self) -> dict[str, float | None]:
         """By their names, for programs."""
-        return {
+        albedo: dict[str, float | None] = {}
+        if self.albedo is not None:
+            on = self.albedo[self.luminance > 0]
+            albedo = {"albedo_least": float(on.min()), "albedo_most": float(on.max())}
+        return albedo | {
             "white_direct_cd_m2": self.direct,
             "white_reflected_cd_m2": self.reflected,
             "white_frame_cd_m2": self.white,
@@ -125,6 +133,10 @@ def photometry(scene: DomeScene, size: int) -> Photometry:
     albedo = float(scene.projector.luminance_weights @ np.asarray(scene.albedo))
     irradiance = scene.projector.white * np.pi / albedo * float(np.sum(shares * gains.sum(0)))
     luminance = seen[0] @ scene.projector.luminance_weights
+    painted = None
+    if scene.theatre.paint is not None:
+        factors = scene.theatre.paint.on(size, size) * np.asarray(scene.albedo)
+        painted = np.where(screen[..., None], factors, 0.0)
     return Photometry(
         direct=mean(direct),
         reflected=mean(seen - direct) - mean(dark),
@@ -134,6 +146,7 @@ def photometry(scene: DomeScene, size: int) -> Photometry:
         lumens=irradiance * scene.dome.screen_area,
         evened=(float(gains.sum(0)[screen].min()), float(gains.sum(0)[screen].max())),
         luminance=np.where(screen, luminance * scene.projector.white, 0.0),
+        albedo=painted,
     )
 
 

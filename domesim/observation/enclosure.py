@@ -9,7 +9,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Iterator
 from functools import cached_property
-from typing import final
+from typing import NamedTuple, final
 
 import numpy as np
 import scipy
@@ -32,6 +32,26 @@ _PICTURE = 256
 """Pixels a side of the picture on which the projectors' shares are measured."""
 _CLOSE = 1e-9
 _CHUNK = 256
+
+
+class Mix(NamedTuple):
+    """Albedos of one primary.
+
+    Attributes
+    ----------
+    albedos
+        Of screen, floor and wall: those that there are.
+    paint
+        Which of the `Enclosure.painted` multiplies the screen's.
+    """
+
+    albedos: tuple[float, ...]
+    paint: int
+
+    @property
+    def screen(self) -> float:
+        """Albedo of the screen, without what multiplies it."""
+        return self.albedos[0]
 
 
 @final
@@ -58,11 +78,30 @@ class Enclosure:
         return self.theatre.dome.screen_area / self._unit**2
 
     @cached_property
-    def mixes(self) -> list[tuple[float, ...]]:
-        """Albedos of screen, floor and wall (those that there are), one tuple a primary."""
+    def mixes(self) -> list[Mix]:
+        """Albedos of screen, floor and wall (those that there are), one mix a primary."""
         t = self.theatre
         others = [surface.albedo for surface in (t.floor, t.wall) if surface is not None]
-        return list(zip(t.screen_albedo, *others, strict=True))
+        each = enumerate(zip(t.screen_albedo, *others, strict=True))
+        return [Mix(albedos, p % len(self.painted)) for p, albedos in each]
+
+    @cached_property
+    def painted(self) -> Floats:
+        """(paint, screen point): what multiplies the screen's albedo, a mean around the point."""
+        paint, dome = self.theatre.paint, self.theatre.dome
+        if paint is None:
+            return np.ones((1, len(self.points)))
+        size = max(_PICTURE, len(paint.factors))
+        factors, areas = paint.on(size, size), dome.screen_areas(size, size)
+        count, on = len(self.points), np.nonzero(areas)
+        nearest = scipy.spatial.KDTree(self.points).query(dome.points(size, size)[on] / self._unit)
+        own = dome.pixel_of(dome.toward(self.points * self._unit), size)
+        # A point that is nearest to no pixel has the one that it lies in
+        owner = np.concatenate([nearest[1], np.arange(count)])
+        weights = np.concatenate([areas[on], np.full(count, 1e-9 * areas.max())])
+        planes = np.concatenate([factors[on], factors[own]]).T
+        sums = [np.bincount(owner, weights * plane, count) for plane in planes]
+        return np.asarray(sums / np.bincount(owner, weights, count))
 
     @cached_property
     def share(self) -> Floats:
@@ -172,14 +211,17 @@ class Enclosure:
             [self.seen_from(self.points[some]).sum(1) for some in chunks(len(self.points))]
         )
 
-    def albedos(self, mix: tuple[float, ...]) -> Floats:
+    def albedos(self, mix: Mix) -> Floats:
         """(element,) of one primary's `mixes`."""
         counts = [len(self.points)] + [len(sheet.areas) for sheet in self._sheets]
-        return np.repeat(mix, counts)
+        result = np.repeat(mix.albedos, counts)
+        result[: len(self.points)] *= self.painted[mix.paint]
+        return result
 
-    def closed_form(self, albedo: float) -> float:
-        """Indirect light of white if the screen were a bare spherical cap."""
-        return bare_gain(albedo, self.theatre.dome)
+    def closed_form(self, mix: Mix) -> float:
+        """Indirect light, of direct light 1, if the screen were a bare spherical cap."""
+        mean = float(self.share @ self.painted[mix.paint])
+        return bare_gain(mix.screen, self.theatre.dome, paint=mean)
 
     def screen_at(self, u: Floats, v: Floats) -> Floats:
         """Points of the screen.

@@ -6,8 +6,10 @@ albedos rho_i
 
     B_i = E_i + rho_i sum_j F_ij B_j,       A_i F_ij = A_j F_ji
 
-and phi = B - E on the screen. Light that floor or wall stop on its way to the screen is none of E
-there; where it lands they emit rho_i / rho_screen of it. Three kinds of element i take part:
+and phi = (B - E) / f on the screen, with f what multiplies its albedo there (1 on even paint).
+rho_screen is the albedo where f is 1; a point's f is the mean around it. Light that floor or wall
+stop on its way to the screen is none of E there; where it lands they emit rho_i / (rho_screen f) of
+it. Three kinds of element i take part:
 
 - **Screen: points of a quadrature.** Between two points of a sphere of radius r the form factor is
   dA / (4 pi r²), a constant; between points x, y of the ellipsoid x'Mx = 1 it is
@@ -44,7 +46,7 @@ from numpy.typing import NDArray
 
 from domesim.errors import InputError
 from domesim.observation.basis import ScreenBasis, disc_quadrature
-from domesim.observation.enclosure import Enclosure, Solver, chunks
+from domesim.observation.enclosure import Enclosure, Mix, Solver, chunks
 from domesim.observation.transport import NODES, Transport, node_places, sample_nodes
 from domesim.room.dome import Dome
 from domesim.room.theatre import Theatre
@@ -208,7 +210,7 @@ class _Solution:
         answers = [self._centred(self._deviation(mix, inputs)) for mix in room.mixes]
         _, values, weights = np.linalg.svd(np.concatenate(answers, 1) * root, full_matrices=False)
         tails = np.sqrt(np.cumsum(values[::-1] ** 2)[::-1])
-        whole = np.sqrt(sum(room.closed_form(mix[0]) ** 2 for mix in room.mixes))
+        whole = np.sqrt(sum(room.closed_form(mix) ** 2 for mix in room.mixes))
         kept = tolerance * np.hypot(whole, np.linalg.norm(values))
         # Black screens have rounding only. Of equal ones at this limit either may go
         rank = int(np.sum(tails > max(kept, _CLOSE)))
@@ -243,24 +245,24 @@ class _Solution:
         result = []
         for mix in room.mixes:
             core = seen @ self._deviation(mix, sampled.T) @ inverse
-            core[0, 0] += room.closed_form(mix[0])
+            core[0, 0] += room.closed_form(mix)
             result.append((core + core.T) / 2 if self._thrown is None else core)
         return np.stack(result)
 
-    def radiosity(self, mix: tuple[float, ...], emission: Floats) -> Floats:
+    def radiosity(self, mix: Mix, emission: Floats) -> Floats:
         """(element, picture) B of (screen point, picture) E."""
         root = np.sqrt(self.room.areas)[:, None]
         return np.asarray(self._solvers[mix].solve(self._emitted(mix, emission) * root) / root)
 
-    def _emitted(self, mix: tuple[float, ...], emission: Floats) -> Floats:
+    def _emitted(self, mix: Mix, emission: Floats) -> Floats:
         """(element, picture): what projectors make elements emit, for (screen point, picture) E."""
         result = np.zeros((len(self.room.areas), emission.shape[1]))
         result[: len(emission)] = emission
         if self._thrown is not None:
             lit, landed = self._thrown
             result[: len(lit)] *= lit[:, None]
-            shares = self.room.albedos(mix)[len(lit) :, None] / mix[0]
-            result[len(lit) :] = shares * (landed @ emission)
+            shares = self.room.albedos(mix)[len(lit) :, None] / mix.screen
+            result[len(lit) :] = shares * (landed @ (emission / self._painted(mix)))
         return result
 
     def direct(self, points: Floats | None = None) -> Floats:
@@ -268,7 +270,7 @@ class _Solution:
         emission = _pictures(*self.room.places)
         if points is None:
             return np.stack([self._indirect(mix, emission) for mix in self.room.mixes])
-        sent = np.stack([mix[0] * self.radiosity(mix, emission) for mix in self.room.mixes])
+        sent = np.stack([mix.screen * self.radiosity(mix, emission) for mix in self.room.mixes])
         seen = [self.room.seen_from(points[some]) @ sent for some in chunks(len(points))]
         return np.concatenate(seen, 1)
 
@@ -278,13 +280,17 @@ class _Solution:
         error = np.sqrt(share @ (found - wanted) ** 2)
         return float(np.max(error / np.maximum(share @ wanted, _CLOSE)))
 
-    def _indirect(self, mix: tuple[float, ...], emission: Floats) -> Floats:
+    def _indirect(self, mix: Mix, emission: Floats) -> Floats:
         sent = self._emitted(mix, emission)
-        return (self.radiosity(mix, emission) - sent)[: len(emission)]
+        return (self.radiosity(mix, emission) - sent)[: len(emission)] / self._painted(mix)
 
-    def _deviation(self, mix: tuple[float, ...], emission: Floats) -> Floats:
-        closed = self.room.closed_form(mix[0]) * (self.room.share @ emission)
+    def _deviation(self, mix: Mix, emission: Floats) -> Floats:
+        closed = self.room.closed_form(mix) * (self.room.share @ emission)
         return self._indirect(mix, emission) - closed
+
+    def _painted(self, mix: Mix) -> Floats:
+        """(screen point, 1) what multiplies the screen's albedo."""
+        return np.asarray(self.room.painted[mix.paint][:, None])
 
     def _centred(self, values: Floats) -> Floats:
         return values - self.room.share @ values
@@ -295,7 +301,7 @@ class _Solution:
         It is (mode, node, node), and (mode, screen point).
         """
         room = self.room
-        sent = sum(mix[0] * radiosity for mix, radiosity in zip(room.mixes, given, strict=True))
+        sent = sum(mix.screen * radiosity for mix, radiosity in zip(room.mixes, given, strict=True))
 
         def values(u: Floats, v: Floats) -> Floats:
             points = room.screen_at(u, v)

@@ -7,6 +7,9 @@ reflects), the bounces form a geometric series of ratio rho A_s / (4 pi r²):
 
     phi(x) = rho (a . x) / (4 pi r² - rho A_s)
 
+Where paint multiplies rho by f(y), places send f x, and rho A_s is the integral of rho f. What a
+place shows of the same light is times its own f.
+
 This corrects eq. 15 of the paper: ``validation/notes/0001-eq15-corrected.md`` derives it.
 """
 
@@ -23,7 +26,9 @@ from domesim.errors import InputError
 from domesim.light import Array, Light
 from domesim.light.guarded import guarded
 from domesim.observation.lowrank import LowRank, LowRankObservation
+from domesim.observation.transport import NODES, Transport
 from domesim.room.dome import Dome
+from domesim.room.theatre import Theatre
 
 
 @guarded
@@ -68,8 +73,8 @@ def closed_form_gain(albedo: float, radius: float, screen_area: float, kept: flo
     return float(reflected / (sphere - reflected * screen_area))  # eq. 15
 
 
-def bare_gain(albedo: float, dome: Dome) -> float:
-    """Mean indirect light of a white picture on a bare cap.
+def bare_gain(albedo: float, dome: Dome, *, paint: float = 1.0, kept: float = 1.0) -> float:
+    """Mean indirect light, on a bare cap, of direct light that is 1 everywhere.
 
     Parameters
     ----------
@@ -78,15 +83,44 @@ def bare_gain(albedo: float, dome: Dome) -> float:
     dome
         Shape of the screen. A tall dome, with more screen than its sphere, counts as a nearly
         closed sphere.
+    paint
+        Mean over the screen of what multiplies its albedo. Indirect light is that of a place
+        where it is 1.
+    kept
+        See `closed_form_gain`.
 
     Returns
     -------
     gain
-        Over its direct light.
+        Over the direct light.
     """
     sphere = 4 * np.pi * dome.radius**2
     area = dome.screen_area if dome.screen_area <= sphere * (1 + 1e-12) else 0.999 * sphere
-    return closed_form_gain(albedo, dome.radius, area) * area
+    return closed_form_gain(albedo, dome.radius, area * paint, kept) * area
+
+
+def bare_transport(theatre: Theatre, kept: float = 1.0) -> Transport:
+    """The closed form of a theatre's screen, painted or not, as a transport.
+
+    Parameters
+    ----------
+    theatre
+        What else there is in it is left out.
+    kept
+        See `closed_form_gain`.
+
+    Returns
+    -------
+    transport
+        Its only mode is 1.
+    """
+    gains = [
+        bare_gain(rho, theatre.dome, paint=paint, kept=kept)
+        for rho, paint in zip(theatre.screen_albedo, theatre.mean_paint, strict=True)
+    ]
+    core = np.array(gains).reshape(3, 1, 1)
+    modes, none = np.ones((1, NODES, NODES)), np.zeros((3, NODES, NODES))
+    return Transport(theatre.dome, modes, core, np.zeros_like(core), none)
 
 
 @final
@@ -109,10 +143,6 @@ class ClosedFormDome(LowRankObservation):
         How many primaries the light has.
     kept
         See `closed_form_gain`.
-    paint
-        (row, col) what multiplies the albedo, above 0 and at most 1; 1 everywhere if absent. What
-        is seen is times it, and so is what pixels send: rho A_s becomes the sum of albedos times
-        areas. Light is in units of white on paint of 1, and `lens_gain` has the factor, too.
 
     Raises
     ------
@@ -131,7 +161,6 @@ class ClosedFormDome(LowRankObservation):
         ambient: ArrayLike = 0.0,
         primaries: int = 3,
         kept: float = 1.0,
-        paint: NDArray[np.floating] | None = None,
     ) -> None:
         albedos = np.broadcast_to(np.asarray(albedo, np.float64), (primaries,))
         areas = dome.kept_areas(rows, cols)
@@ -144,11 +173,9 @@ class ClosedFormDome(LowRankObservation):
         else:
             gain = np.where(screen, lens_gain, 1.0)
             collect = areas * gain
-        spread, reflecting = np.broadcast_to(np.float32(1), screen.shape), dome.screen_area
-        if paint is not None:
-            spread = paint.astype(np.float32) * screen
-            reflecting *= float(np.sum(areas * paint) / np.sum(areas))
-        gains = [closed_form_gain(float(rho), dome.radius, reflecting, kept) for rho in albedos]
+        spread = np.broadcast_to(np.float32(1), screen.shape)
+        area = dome.screen_area
+        gains = [closed_form_gain(float(rho), dome.radius, area, kept) for rho in albedos]
         offset = np.broadcast_to(np.asarray(ambient, np.float64), (primaries,))
         # Rank one: the screen, the gain, the pixels' areas times the direct gain
         dark = offset.astype(areas.dtype)[:, None, None]
@@ -160,7 +187,6 @@ class ClosedFormDome(LowRankObservation):
             ambient=np.broadcast_to(dark, (primaries, *screen.shape)),
         )
         super().__init__(factors, screen)
-        self._painted = paint is not None
 
     @cached_property
     def factors(self) -> LowRank:
@@ -170,9 +196,7 @@ class ClosedFormDome(LowRankObservation):
         return replace(found, spread=found.spread * screen, ambient=ambient)
 
     def screen_like(self, light: Light) -> Array:
-        """See `LowRankObservation`: U's only mode, on even paint."""
-        if self._painted:
-            return super().screen_like(light)
+        """See `LowRankObservation`: U's only mode."""
         return self.factors_like(light).spread[0, :, :]
 
 

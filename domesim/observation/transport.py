@@ -2,10 +2,11 @@
 
 Indirect light on a dome screen is smooth, so a few functions m_i on the screen carry it:
 
-    phi(x)[p] = sum_ij m_i core[p, i, j] (integral of m_j D x[p] dA) / A_s
+    phi(x)[p] = f[p] sum_ij m_i core[p, i, j] (integral of m_j f[p] D x[p] dA) / A_s
 
-whatever the room: tabulated by the path tracer, computed by radiosity, or measured. The first mode
-is 1 everywhere; a bare Lambertian cap is core[p, 0, 0] = rho A_s / (4 pi r² - rho A_s) and nothing
+with f what multiplies the screen's albedo from place to place (1 on even paint), whatever the room:
+tabulated by the path tracer, computed by radiosity, or measured. The first mode is 1 everywhere; a
+bare Lambertian cap is core[p, 0, 0] = rho A_s / (4 pi r² - rho A_s) and nothing
 else. Modes are stored as samples on a coarse even grid of the domemaster, and pictures of any size
 meet them through cubic interpolation, which is separable: two thin matrix products whose transposes
 collect light. So a picture of n pixels costs O(n), and its adjoint is exact at any size.
@@ -202,6 +203,7 @@ class Transport:
         lens_gain: Floats | None = None,
         seen_gain: Floats | None = None,
         ambient: float = 0.0,
+        paint: Floats | None = None,
     ) -> TabulatedDome:
         """Makes the observation of domemasters of one size.
 
@@ -215,13 +217,15 @@ class Transport:
             (row, col) direct light as it is seen; `lens_gain` if absent (a Lambertian screen).
         ambient
             Luminance of a black picture by the projectors themselves, 1.0 = projector white.
+        paint
+            (row, col, primary) what multiplies the albedo; one primary stands for all, 1 if absent.
 
         Returns
         -------
         dome
             It observes light (1, row, col, primary).
         """
-        return TabulatedDome(self, rows, cols, lens_gain, seen_gain, ambient)
+        return TabulatedDome(self, rows, cols, lens_gain, seen_gain, ambient, paint)
 
     def save(self, path: Path) -> None:
         """Write the file, whole or not at all.
@@ -363,6 +367,7 @@ class TabulatedDome(AdjointObservation):
         lens_gain: Floats | None,
         seen_gain: Floats | None,
         ambient: float,
+        paint: Floats | None,
     ) -> None:
         dome = transport.dome
         self._screen = dome.inside(rows, cols)
@@ -373,16 +378,19 @@ class TabulatedDome(AdjointObservation):
         if not bool(np.all(seen[self._screen] > 0) and np.all(gain[self._screen] > 0)):
             raise InputError("lens gain must be above 0 everywhere on the screen")
         self.transport = transport
-        self._direct_gain = np.where(self._screen, seen, 1.0)
+        on = self._screen[..., None]
+        self._paint = on if paint is None else paint * on
+        # (row, col, primary), as is the paint
+        self._direct_gain = np.where(on, seen[..., None] * self._paint, 1.0)
         areas = dome.screen_areas(rows, cols)
         self._areas = areas / areas.sum()
-        self._flux = self._areas * gain
+        self._flux = (self._areas * gain)[..., None] * self._paint
         nodes = transport.modes.shape[-1]
         places = (np.arange(rows) + 0.5) * (2 / rows) - 1
         self._weights = interpolation(places, nodes)
         self._strips = _strips(self._weights)
         grid = self._weights.T @ transport.ambient @ self._weights
-        self._ambient = (grid + ambient) * self._screen
+        self._ambient = (grid + ambient) * np.moveaxis(self._paint, -1, 0)
         self._kept: dict[tuple[str, ...], _Factors] = {}
 
     @property
@@ -395,6 +403,11 @@ class TabulatedDome(AdjointObservation):
     def screen(self) -> NDArray[np.bool_]:
         """(row, col) bool: pixels whose centre is on the screen."""
         return self._screen
+
+    @property
+    def coloured(self) -> bool:
+        """Whether paint multiplies the primaries' albedos each in its own way."""
+        return bool(self._paint.shape[2] > 1)
 
     def low_rank(self, tolerance: float = 5e-3, highest: int = 8) -> LowRankDome:
         """The observation with few modes, each of the picture's size: what a solver needs.
@@ -411,7 +424,14 @@ class TabulatedDome(AdjointObservation):
         -------
         dome
             Of the same size.
+
+        Raises
+        ------
+        InputError
+            If it is `coloured`.
         """
+        if self.coloured:
+            raise InputError("low_rank takes one paint for all primaries, got a coloured one")
         return LowRankDome(self, self.transport.reduced(tolerance, highest))
 
     def _observe(self, light: Light) -> Light:
@@ -422,12 +442,12 @@ class TabulatedDome(AdjointObservation):
 
     def _linear(self, light: Light) -> Light:
         k = self._like(light)
-        return self._carried(light, k.flux, k.core, k.screen)
+        return self._carried(light, k.flux, k.core, k.leave)
 
     def _adjoint(self, light: Light) -> Light:
         k = self._like(light)
         return self._carried(
-            light, k.screen, namespace(light).permute_dims(k.core, (0, 2, 1)), k.flux
+            light, k.leave, namespace(light).permute_dims(k.core, (0, 2, 1)), k.flux
         )
 
     def excitation(self, light: Light) -> Floats:
@@ -463,12 +483,12 @@ class TabulatedDome(AdjointObservation):
         Returns
         -------
         light
-            (1, row, col, primary), 0 off the screen.
+            (1, row, col, primary), as paint shows them; 0 off the screen.
         """
         k, xp = self._like(like), namespace(like)
         sent = xp.asarray(np.asarray(grids), dtype=like.dtype, device=like.device)
         result = xp.zeros(self.shape, dtype=like.dtype, device=like.device)
-        self._spread(xp.reshape(result, (self.shape[1], -1)), sent, k.screen)
+        self._spread(xp.reshape(result, (self.shape[1], -1)), sent, k.leave)
         return result
 
     def _carried(self, light: Light, enter: Array, core: Array, leave: Array) -> Light:
@@ -527,12 +547,14 @@ class TabulatedDome(AdjointObservation):
             def plane(array: Any) -> Array:
                 # Broadcasting along an axis of three is slow: (row, col primary) instead.
                 narrow = np.asarray(array, np.float32 if "32" in key[1] else np.float64)
-                return convert(np.repeat(narrow, self.shape[-1], axis=1), light.dtype)
+                rows, cols, primaries = self.shape[1:]
+                wide = np.broadcast_to(narrow, (rows, cols, primaries))
+                return convert(wide.reshape(rows, -1), light.dtype)
 
             self._kept[key] = _Factors(
                 direct=plane(self._direct_gain),
                 flux=plane(self._flux),
-                screen=plane(self._screen),
+                leave=plane(self._paint),
                 weights=convert(self._weights, light.dtype),
                 ambient=convert(np.moveaxis(self._ambient, 0, -1)[None], light.dtype),
                 modes=convert(t.modes.reshape(t.rank, -1), xp.float64),
@@ -548,7 +570,7 @@ class _Factors:
 
     direct: Array
     flux: Array
-    screen: Array
+    leave: Array
     weights: Array
     ambient: Array
     modes: Array
@@ -562,12 +584,13 @@ class LowRankDome(LowRankObservation):
     def __init__(self, dome: TabulatedDome, transport: Transport) -> None:
         weights = dome._weights
         modes = weights.T @ transport.modes @ weights
-        modes *= dome.screen
+        collect = modes * dome._flux[..., 0]
+        modes *= dome._paint[..., 0]
         factors = LowRank(
-            direct_gain=dome._direct_gain,
+            direct_gain=dome._direct_gain[..., 0],
             spread=modes,
             core=transport.core,
-            collect=modes * dome._flux,
+            collect=collect,
             ambient=dome._ambient,
         )
         super().__init__(factors, dome.screen)

@@ -337,15 +337,10 @@ def scattered(
 
 def _albedo_times(room: Room, here: Hit, weight: Colour) -> Colour:
     m, albedos, surface = room.machine, room.albedos, here.surface
-    paint, result = room.theatre.paint, []
-    factor: Any = 1.0
-    if paint is not None:
-        size = len(paint.factors)
-        _, factor = m.colour_at(
-            room.painted, pixel_of(room, here.position, size), surface == SCREEN
-        )
+    result = []
+    factor = painted(room, here.position, surface == SCREEN)
     for p in range(3):
-        rho: Any = albedos[SCREEN][p] * factor
+        rho: Any = albedos[SCREEN][p] * factor[p]
         for kind in (FLOOR, WALL, BACK, SHELL):
             if kind in albedos:
                 rho = m.where(surface == kind, albedos[kind][p], rho)
@@ -353,6 +348,17 @@ def _albedo_times(room: Room, here: Hit, weight: Colour) -> Colour:
             rho = m.where(surface == SOLID + k, solid.albedo[p], rho)
         result.append(weight[p] * rho)
     return result[0], result[1], result[2]
+
+
+def painted(room: Room, position: Vector, active: Lanes) -> Colour:
+    """What multiplies the albedo of places on the screen, in the active lanes."""
+    one: Any = position[0] * 0 + 1
+    if room.theatre.paint is None:
+        return one, one, one
+    pixel = pixel_of(room, position, len(room.theatre.paint.factors))
+    factors, _ = room.machine.colour_at(room.painted, pixel, active)
+    x, y, z = (room.machine.where(active, factor, 1.0) for factor in factors)
+    return x, y, z
 
 
 def pixel_of(room: Room, position: Vector, size: int) -> Lanes:

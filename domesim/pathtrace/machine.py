@@ -175,9 +175,13 @@ class DrJit:
         mesh = _Solids(self, solids, theatre.dome.radius) if solids else None
         room = Room(theatre, self, mesh)
         if theatre.paint is not None:
-            factors = theatre.paint.factors.ravel()
-            room.painted = self.colours(np.stack([factors] * 4, axis=-1))
+            room.painted = self.paint(theatre.paint.factors)
         return room
+
+    def paint(self, factors: NDArray[Any]) -> Any:
+        """A table for `colour_at` of (row, col, primary) factors, of which one stands for all."""
+        wide = np.broadcast_to(factors, (*factors.shape[:2], 3)).reshape(-1, 3)
+        return self.colours(np.pad(wide, ((0, 0), (0, 1))))
 
 
 @final

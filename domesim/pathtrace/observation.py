@@ -163,11 +163,17 @@ class PathTracedDome(Observation):
 
     def _observe(self, light: Light) -> Light:
         observed = self.trace(light)
-        black = self._black * self._screen[None, :, :, None]
-        return np.asarray(observed.mean + black, light.dtype)
+        return np.asarray(observed.mean + self._dark, light.dtype)
 
     def _direct(self, light: Light) -> Light:
-        return np.asarray(light) * self._seen_gain.astype(light.dtype)[None, :, :, None]
+        return np.asarray(light) * self._seen_gain.astype(light.dtype)[None]
+
+    @cached_property
+    def _dark(self) -> NDArray[Any]:
+        """(1, row, col, primary): the projectors' black, as paint shows it."""
+        paint = self._tracer.theatre.paint
+        factors = 1.0 if paint is None else paint.on(*self._screen.shape)
+        return np.asarray(self._black * factors * self._screen[None, :, :, None])
 
     @cached_property
     def _seen_gain(self) -> NDArray[Any]:

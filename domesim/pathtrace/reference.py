@@ -22,10 +22,12 @@ from domesim.pathtrace.sources import lobe_bsdf
 from domesim.room.dome import Dome
 from domesim.room.lenses import field_weight
 from domesim.room.rays import NOTHING, SCREEN, Room
-from domesim.room.theatre import Albedo, Lobe, Theatre
+from domesim.room.theatre import Albedo, Lobe, Paint, Theatre
 
 _MASK_ROWS = 3600
 """Steps of the opacity mask from pole to pole: half-angles are kept to 0.05 degrees."""
+_PAINT_ROWS = 1024
+"""Steps of an albedo map from pole to pole."""
 
 
 @guarded
@@ -72,6 +74,7 @@ def path_traced(
         "an ellipsoid": dome.height_ratio != 1,
         "several projectors": len(theatre.lenses) != 1,
         "corrected falloff": theatre.corrected,
+        "an albedo map of a glossy screen": theatre.paint is not None and not theatre.lambertian,
     }
     beyond_it = [name for name, is_there in beyond.items() if is_there]
     if beyond_it:
@@ -125,7 +128,9 @@ def path_traced(
                     "wrap_mode": "clamp",
                     "bitmap": mi.Bitmap(_opacity(dome)),
                 },
-                "nested": _surface(theatre.screen_albedo, theatre.lobe),
+                "nested": _surface(theatre.screen_albedo, theatre.lobe)
+                if theatre.paint is None
+                else {"type": "diffuse", "reflectance": _painted(mi, theatre, theatre.paint)},
             },
         },
     }
@@ -174,6 +179,22 @@ def _surface(albedo: Albedo, lobe: Lobe | None = None) -> dict[str, Any]:
     if lobe is not None and lobe.share > 0:
         return lobe_bsdf(lobe, albedo)
     return {"type": "diffuse", "reflectance": {"type": "rgb", "value": list(albedo)}}
+
+
+def _painted(mi: Any, theatre: Theatre, paint: Paint) -> dict[str, Any]:
+    """Albedo as a texture of (theta, azimuth), linear: raw, so that no curve is applied."""
+    theta = (np.arange(_PAINT_ROWS) + 0.5)[:, None] * (np.pi / _PAINT_ROWS)
+    azimuth = (np.arange(2 * _PAINT_ROWS) + 0.5) * (np.pi / _PAINT_ROWS)
+    ring, up = np.sin(theta), np.broadcast_to(np.cos(theta), (_PAINT_ROWS, 2 * _PAINT_ROWS))
+    towards = np.stack([ring * np.cos(azimuth), ring * np.sin(azimuth), up], -1)
+    row, col = theatre.dome.pixel_of(towards, len(paint.factors))
+    albedo = paint.factors[row, col] * np.asarray(theatre.screen_albedo)
+    return {
+        "type": "bitmap",
+        "raw": True,
+        "filter_type": "nearest",
+        "bitmap": mi.Bitmap(albedo.astype(np.float32)),
+    }
 
 
 def _opacity(dome: Dome) -> NDArray[np.float32]:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from domesim.errors import InputError
-from domesim.pathtrace.loop import Aim, Colour, Scatter, Source, difference, pixel_of
+from domesim.pathtrace.loop import Aim, Colour, Scatter, Source, difference, painted, pixel_of
 from domesim.pathtrace.machine import DrJit
 from domesim.room.rays import (
     BACK,
@@ -104,7 +104,9 @@ class Throw:
             for p in positions
         ]
         self._lobe = lobe
-        self._size = thrown.shape[-1]
+        self._size, self._paint = thrown.shape[-1], None
+        if theatre.paint is not None:
+            self._paint = m.paint(theatre.paint.on(self._size, self._size))
         total = thrown.sum(0)
         sent, shares = (
             np.divide(part, total, out=np.zeros_like(thrown), where=total > 0)
@@ -134,7 +136,7 @@ class Throw:
     ) -> Iterator[tuple[Vector, Lanes, Colour]]:
         """Yields places on the screen whose light shows at `hit`, their lanes, and how much.
 
-        How much is relative to the picture there times the sum of `thrown`.
+        How much is relative to what those places show of the picture, if nothing stops its light.
         """
         m = room.machine
         on_screen = active & (hit.surface == SCREEN)
@@ -189,9 +191,10 @@ class Throw:
         lands = lands & ~hidden
         leaving = m.maximum(-dot(meant.normal, direction), 1e-3)
         spread = far / (distance * distance) * arriving / leaving
-        spread = spread * m.gather(beam.share, pixel_of(room, meant.position, self._size), lands)
-        x, y, z = (spread * factor for factor in factors)
-        return meant.position, lands, (x, y, z)
+        pixel = pixel_of(room, meant.position, self._size)
+        spread = spread * m.gather(beam.share, pixel, lands)
+        x, y, z = self._unpainted(room, pixel, lands, spread)
+        return meant.position, lands, (x * factors[0], y * factors[1], z * factors[2])
 
     def _on_shell(
         self, room: Room, hit: Hit, beam: _Beam, active: Lanes
@@ -208,8 +211,20 @@ class Throw:
         spread = near / (distance * distance) * arriving / leaving
         pixel = pixel_of(room, hole.position, self._size)
         spread = spread * beam.at(room, hole.position, pixel, passed)
-        x, y, z = (spread * through for through in self._through)
-        return hole.position, passed, (x, y, z)
+        x, y, z = self._unpainted(room, pixel, passed, spread)
+        through = self._through
+        return hole.position, passed, (x * through[0], y * through[1], z * through[2])
+
+    def _unpainted(self, room: Room, pixel: Lanes, active: Lanes, value: Lanes) -> Colour:
+        """A value over what multiplies the albedo of the screen's pixels."""
+        if self._paint is None:
+            return value, value, value
+        m = room.machine
+        x, y, z = (
+            value / m.where(active, factor, 1.0)
+            for factor in m.colour_at(self._paint, pixel, active)[0]
+        )
+        return x, y, z
 
 
 @final
@@ -351,6 +366,7 @@ class Lamps(Source):
         m = room.machine
         # What a screen shows on average, holes and all; a hole lets lamps' light out.
         albedos = room.albedos | {SCREEN: room.theatre.screen_albedo}
+        paint = painted(room, hit.position, hit.surface == SCREEN)
         sums: list[Any] = [hit.position[0] * 0] * 3
         for centre, across, up, normal, area, luminance in self._lamps:
             s, t = 2 * m.uniform(rng) - 1, 2 * m.uniform(rng) - 1
@@ -375,6 +391,7 @@ class Lamps(Source):
                 rho: Any = 0.0
                 for surface, albedo in albedos.items():
                     rho = m.where(hit.surface == surface, albedo[p], rho)
+                rho = rho * paint[p]
                 sums[p] = sums[p] + light * rho * luminance[p]
         return sums[0], sums[1], sums[2]
 

@@ -15,6 +15,10 @@ added afterwards (a control variate of exactly known mean):
   kappa = rho A_s / (4 pi r² - rho A_s), are taken off;
 * after that the walk counts fully.
 
+Where paint multiplies rho by f, patterns are of the light that places send, and phi is that of a
+place where f is 1: walks leave theirs with rho. The twin's further walk has the mean w kappa f(z),
+and kappa has the mean of rho f in place of its last rho.
+
 So only what the room changes is noisy. Theatres that are no Lambertian spheres have no such twin,
 and every bounce counts. Where all is Lambertian, transport is reciprocal: core is made symmetric.
 
@@ -41,9 +45,16 @@ from domesim.errors import InputError
 from domesim.host.numbers import decimal, percent
 from domesim.observation.basis import ScreenBasis, disc_quadrature
 from domesim.observation.radiosity import radiosity
-from domesim.observation.spherical import bare_gain
+from domesim.observation.spherical import bare_transport
 from domesim.observation.transport import MARGIN, NODES, Transport, node_places
-from domesim.pathtrace.loop import Colour, bounce_limit, eye_directions, roulette, scattered
+from domesim.pathtrace.loop import (
+    Colour,
+    bounce_limit,
+    eye_directions,
+    painted,
+    roulette,
+    scattered,
+)
 from domesim.pathtrace.machine import DrJit
 from domesim.pathtrace.sources import Throw
 from domesim.pathtrace.tracer import (
@@ -144,11 +155,6 @@ def tabulate(
         raise InputError(f"wanted error must be above 0, got {error:g}")
     if not most >= 1:
         raise InputError(f"most walks must be at least 1, got {most:g}")
-    if theatre.paint is not None:
-        raise InputError(
-            "tabulate knows screens of even paint, got an albedo_map; leave it out, or use "
-            "'domesim render', which traces it"
-        )
     started = time.process_time()
     tracer = Tracer(theatre) if tracer is None else tracer
     explicit = theatre.floor_meets_screen if explicit is None else explicit
@@ -293,6 +299,7 @@ class _Walker:
         self._eye = over(eye, theatre.dome.radius)
         self._limit = bounce_limit(tracer.room, 1e-6)
         self._grey = all(len(set(albedo)) == 1 for albedo in tracer.room.albedos.values())
+        self._grey &= theatre.paint is None or not theatre.paint.coloured
         self._lanes = LANES // self.count
         self.walks = self._lanes * self.count
         self.twinned = theatre.lambertian and theatre.dome.height_ratio == 1
@@ -345,13 +352,16 @@ class _Walker:
         wanted = m.parameter(self.count)
         channels = 1 if self._grey else 3
         kappa = self._kappa() if self.twinned else (0.0,) * 3
+        # What a place shows where paint is 1: its own paint does not count
+        x, y, z = (1 / factor for factor in painted(room, position, one > 0))
+        begun: Colour = (x, y, z)
         state = {
             "rng": rng,
             "surface": screen,
             "position": position,
             "normal": normal,
             "to_eye": to_eye,
-            "weight": (one, one, one),
+            "weight": begun,
             "shared": m.whole(1 if self.twinned else 0, lanes),
             "sums": [[zero for _ in self._basis.products] for _ in range(channels)],
             "bounce": m.whole(0, lanes),
@@ -385,7 +395,9 @@ class _Walker:
                 beyond = room.screen_along(here.position, direction, leaving)
                 lost = parts & (beyond.surface == SCREEN)
                 less = (zero - 1, zero - 1, zero - 1)
-                sums = self._added(m, sums, room.disc(beyond.position), lost, weight, less, kappa)
+                factors = painted(room, beyond.position, lost)
+                further = (kappa[0] * factors[0], kappa[1] * factors[1], kappa[2] * factors[2])
+                sums = self._added(m, sums, room.disc(beyond.position), lost, weight, less, further)
             bounce = state["bounce"] + 1
             ends = ~alive | (bounce >= self._limit) | (hit.surface == BLACK)
             ends, weight = roulette(m, rng, weight, bounce, ends)
@@ -396,7 +408,7 @@ class _Walker:
                 "position": chosen(m, over, position, hit.position),
                 "normal": chosen(m, over, normal, hit.normal),
                 "to_eye": chosen(m, over, to_eye, back),
-                "weight": chosen(m, over, (one, one, one), weight),
+                "weight": chosen(m, over, begun, weight),
                 "shared": m.where(
                     over,
                     1 if self.twinned else 0,
@@ -418,7 +430,7 @@ class _Walker:
         active: Lanes,
         weight: Colour,
         factor: Colour,
-        kappa: tuple[float, float, float] = (0.0, 0.0, 0.0),
+        kappa: tuple[Any, Any, Any] = (0.0, 0.0, 0.0),
     ) -> list[list[Lanes]]:
         """Adds weight x factor x (each product at `place` + kappa x its mean) to the sums."""
         # Where there is no hit, the place is no number.
@@ -447,7 +459,7 @@ class _Walker:
         """(primary, i, j): the bare cap's core."""
         theatre = self._tracer.theatre
         core = np.zeros((3, len(self._basis), len(self._basis)))
-        core[:, 0, 0] = [bare_gain(rho, theatre.dome) for rho in theatre.screen_albedo]
+        core[:, 0, 0] = bare_transport(theatre).core[:, 0, 0]
         return core
 
     def _kappa(self) -> tuple[float, float, float]:
@@ -473,7 +485,7 @@ def _shadowed(tracer: Tracer, size: int = 256) -> float:
 def _lamp_light(
     tracer: Tracer, eye: tuple[float, float, float], seed: int, light: float, status: Status
 ) -> Floats:
-    """(primary, node, node): light of the lamps, direct and reflected, on the coarse grid."""
+    """(primary, node, node): light of the lamps, direct and reflected, as paint of 1 shows it."""
     size = 2 * (NODES - 1 - 2 * MARGIN)
     # In haste if someone waits
     most = 32 if status is Status.INTERRUPTED else 1 << 10
@@ -483,7 +495,10 @@ def _lamp_light(
     )
     inside = tracer.theatre.dome.inside(size, size)
     nearest = distance_transform_edt(~inside, return_distances=False, return_indices=True)
-    whole = traced.mean[nearest[0], nearest[1]].astype(np.float64)
+    mean = traced.mean.astype(np.float64)
+    if tracer.theatre.paint is not None:
+        mean /= tracer.theatre.paint.on(size, size)
+    whole = mean[nearest[0], nearest[1]]
     place = (node_places(NODES) + 1) * (size / 2) - 0.5
     grid = np.meshgrid(place, place, indexing="ij")
     return np.stack(

@@ -190,7 +190,7 @@ class Tracer:
         return self._thrown(rows, cols)[1]
 
     def seen_gain(self, rows: int, cols: int, eye: Point) -> NDArray[Any]:
-        """Direct light as an eye sees it, with the room's shadows.
+        """Direct light as an eye sees it, with the room's shadows and the screen's paint.
 
         Parameters
         ----------
@@ -202,9 +202,13 @@ class Tracer:
         Returns
         -------
         gain
-            (row, col), 1 off the screen.
+            (row, col, primary), 1 off the screen; one primary stands for all.
         """
-        return seen_gain(self.theatre, self.gains(rows, cols), eye)
+        gain = seen_gain(self.theatre, self.gains(rows, cols), eye)[..., None]
+        if self.theatre.paint is None:
+            return gain
+        on = self.theatre.dome.inside(rows, cols)[..., None]
+        return np.where(on, gain * self.theatre.paint.on(rows, cols), 1.0)
 
     def picture(self, light: NDArray[Any]) -> Picture:
         """The light of a domemaster (row, col, primary) as a source.
@@ -217,6 +221,8 @@ class Tracer:
         off = ~self.theatre.dome.inside(rows, cols)
         row, col = distance_transform_edt(off, return_distances=False, return_indices=True)
         values = (light * thrown.sum(0)[..., None])[row, col]
+        if self.theatre.paint is not None:
+            values = values * self.theatre.paint.on(rows, cols)
         return Picture(self.room, values, thrown[:, row, col], reaching[:, row, col], self.lobe)
 
     def throw(self, size: int, *, unhindered: bool = False) -> Throw:

@@ -29,8 +29,7 @@ DARK = 1e-3
 def lens_gains(theatre: Theatre, rows: int, cols: int, *, holes: bool = False) -> Floats:
     """(lens, row, col): irradiance of the screen by each projector, for a white picture.
 
-    On a painted screen it is times the paint's factor: what is seen of it. 1 is that of the one
-    ideal projector in the sphere's centre. Where the projection system evens
+    1 is that of the one ideal projector in the sphere's centre. Where the projection system evens
     out falloff they sum to 1; off the screen they are 0, or 1 for the first.
 
     With `holes`, what the projectors leave dark is shared by them all, and no mistake.
@@ -42,9 +41,8 @@ def lens_gains(theatre: Theatre, rows: int, cols: int, *, holes: bool = False) -
     """
     dome = theatre.dome
     screen = dome.inside(rows, cols)
-    paint = 1.0 if theatre.paint is None else np.where(screen, theatre.paint.on(rows, cols), 1.0)
     if not theatre.lenses:
-        return np.ones((1, rows, cols)) * paint
+        return np.ones((1, rows, cols))
     lenses = theatre.lenses
     weights = np.empty((len(lenses), rows, cols))
     for strip in strips(rows, cols):
@@ -67,11 +65,13 @@ def lens_gains(theatre: Theatre, rows: int, cols: int, *, holes: bool = False) -
                 weight[strip] *= _falloff(theatre, lens, points, rows, cols, strip)
     weights[:, ~screen] = 0
     weights[0, ~screen] = 1
-    return weights * paint
+    return weights
 
 
 def seen_gain(theatre: Theatre, gains: Floats, eye: Point = (0.0, 0.0, 0.0)) -> Floats:
     """(row, col): direct light of a white picture as an eye sees it; 1 off the screen.
+
+    Paint does not count.
 
     Parameters
     ----------

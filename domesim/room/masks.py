@@ -15,7 +15,8 @@ from domesim.errors import InputError, reason
 from domesim.host.files import read_plain
 from domesim.room.theatre import Mask
 
-_LARGEST = 1 << 27  # bytes
+LARGEST = 1 << 27
+"""Bytes of a file that is read."""
 _PIXELS = 1 << 25  # those of 8K
 _FINEST = 1 << 20
 """Pixels of a mask or warp that are kept: of more some are left out, for a blend is smooth."""
@@ -31,7 +32,7 @@ def read_mask(path: Path) -> Mask:
         If it cannot be read, or is no grey picture.
     """
     try:
-        content = read_plain(path, _LARGEST)
+        content = read_plain(path, LARGEST)
     except OSError as error:
         raise InputError(f"{path}: wanted a blend mask, got '{reason(error)}'") from error
     return Mask(grey_of(content, str(path)))
@@ -45,6 +46,22 @@ def grey_of(content: bytes, where: str) -> NDArray[np.float64]:
     InputError
         If it is damaged, or in colour.
     """
+    shares = shares_of(content, where)
+    if shares.ndim == 3:
+        if not (shares == shares[..., :1]).all():
+            raise InputError(f"{where}: wanted a mask of grey, got colours. Save it as grey")
+        shares = shares[..., 0]
+    return shares
+
+
+def shares_of(content: bytes, where: str) -> NDArray[np.float64]:
+    """(row, col) or (row, col, 3) 0..1: codes of a PNG as of `thinned`, without any curve.
+
+    Raises
+    ------
+    InputError
+        If it is damaged.
+    """
     from PIL import Image  # noqa: PLC0415 - few scenes have masks
 
     try:
@@ -57,10 +74,7 @@ def grey_of(content: bytes, where: str) -> NDArray[np.float64]:
             codes = thinned(np.asarray(opened if plain else opened.convert("RGB")))
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
         raise InputError(f"{where}: wanted a PNG of grey, got one that does not read") from error
-    if codes.ndim == 3:
-        if not (codes[..., :3] == codes[..., :1]).all():
-            raise InputError(f"{where}: wanted a mask of grey, got colours. Save it as grey")
-        codes = codes[..., 0]
+    codes = codes[..., :3] if codes.ndim == 3 else codes
     return np.asarray(codes / (_CODES if deep else 1 if codes.dtype == bool else 255), np.float64)
 
 

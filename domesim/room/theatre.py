@@ -28,6 +28,8 @@ Albedo = tuple[float, float, float]
 _SEAT = re.compile(r"row[0-9]+-seat[0-9]+")
 _NEAR = 0.1
 """A floor so near to the screen, in units of its radius, is taken to meet it."""
+_FINE = 256
+"""Pixels a side, at least, of a picture whose mean is taken."""
 
 
 @final
@@ -179,18 +181,34 @@ class Paint(ByValue):
     Parameters
     ----------
     factors
-        (row, col) of a domemaster, above 0 and at most 1; the same for all primaries.
+        (row, col, primary) of a domemaster, above 0 and at most 1; one primary stands for all.
     """
 
     factors: NDArray[np.float64]
 
+    @property
+    def coloured(self) -> bool:
+        """Whether primaries have factors of their own."""
+        return bool(self.factors.shape[2] > 1)
+
     def on(self, rows: int, cols: int) -> NDArray[np.float64]:
-        """Factors of a domemaster's pixels, (row, col), each that of its middle."""
-        places = [
-            ((np.arange(count) + 0.5) * of / count).astype(np.intp)
-            for count, of in zip((rows, cols), self.factors.shape, strict=True)
-        ]
-        return self.factors[np.ix_(*places)]
+        """Means over a domemaster's pixels, (row, col, primary)."""
+        return np.moveaxis(_means(np.moveaxis(_means(self.factors, rows), 1, 0), cols), 0, 1)
+
+    def mean(self, dome: Dome) -> NDArray[np.float64]:
+        """(3,) means over a screen's area, one a primary."""
+        size = max(_FINE, len(self.factors))
+        areas = dome.screen_areas(size, size)
+        return np.broadcast_to(np.tensordot(areas, self.on(size, size), 2) / areas.sum(), 3)
+
+
+def _means(values: NDArray[np.float64], count: int) -> NDArray[np.float64]:
+    """Means over `count` equal parts of the first axis."""
+    ends = np.linspace(0, len(values), count + 1)
+    sums = np.concatenate([np.zeros_like(values[:1]), np.cumsum(values, axis=0)])
+    whole = np.minimum(ends.astype(np.intp), len(values) - 1)
+    part = (ends - whole).reshape(-1, *[1] * (values.ndim - 1))
+    return np.diff(sums[whole] + part * values[whole], axis=0) * (count / len(values))
 
 
 @final
@@ -309,6 +327,14 @@ class Theatre(ByValue):
         return self.albedo[0] * kept, self.albedo[1] * kept, self.albedo[2] * kept
 
     @property
+    def mean_paint(self) -> Albedo:
+        """Mean of what multiplies the screen's albedo, over its area, one a primary."""
+        if self.paint is None:
+            return 1.0, 1.0, 1.0
+        red, green, blue = self.paint.mean(self.dome)
+        return float(red), float(green), float(blue)
+
+    @property
     def seats(self) -> dict[str, Viewpoint]:
         """The seats among the viewpoints."""
         return {name: view for name, view in self.viewpoints.items() if _SEAT.fullmatch(name)}
@@ -350,7 +376,7 @@ class Theatre(ByValue):
     @property
     def enclosure(self) -> Theatre:
         """The theatre with nothing but a Lambertian screen, floor and wall."""
-        return replace(self, lobe=None, cavity=None, solids=(), lamps=(), viewpoints={}, paint=None)
+        return replace(self, lobe=None, cavity=None, solids=(), lamps=(), viewpoints={})
 
     @property
     def beyond_enclosure(self) -> tuple[str, ...]:
@@ -360,8 +386,6 @@ class Theatre(ByValue):
             beyond.append("a screen with a gain lobe")
         if self.cavity is not None and self.perforation > 0:
             beyond.append("a cavity behind the screen")
-        if self.paint is not None:
-            beyond.append("a screen painted unevenly")
         if self.solids:
             beyond.append(f"solids ({_names(self.solids)})")
         if self.lamps:

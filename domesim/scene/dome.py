@@ -22,13 +22,14 @@ from domesim.observation.followed import Followed
 from domesim.observation.lowrank import LowRankObservation
 from domesim.observation.projector import Projector
 from domesim.observation.radiosity import quick_radiosity
-from domesim.observation.spherical import ClosedFormDome, bare_gain
+from domesim.observation.spherical import ClosedFormDome, bare_gain, bare_transport
 from domesim.observation.transport import PHOTOGRAPHS, TabulatedDome, Transport, load_transport
 from domesim.observation.uncertain import SIGMAS, UncertainDome
 from domesim.room import furniture, viewing
 from domesim.room.dome import Dome
 from domesim.room.lenses import lens_gains, seen_gain
 from domesim.room.masks import read_mask
+from domesim.room.paint import paint_of
 from domesim.room.theatre import (
     Cavity,
     Floor,
@@ -197,26 +198,31 @@ class DomeScene(Scene):
         InputError
             If it is not square, or smaller than 2 x 2.
         """
-        gains, paint = None, self.theatre.paint
-        if self.known is not None:  # which knows no paint
-            theatre, paint = replace(self.theatre, paint=None), None
-        else:
-            theatre = self.theatre
-        if theatre.lenses or not theatre.lambertian or paint is not None:
+        gains, seen, theatre = None, None, self.theatre
+        if theatre.lenses or not theatre.lambertian:
             gains = lens_gains(theatre, rows, cols)
         gain = None if gains is None else gains.sum(0)
         black = self.ambient / self.projector.white
-        if self.known is not None:
-            seen = None if gains is None else seen_gain(theatre, gains)
-            return self.known.observation(rows, cols, lens_gain=gain, seen_gain=seen, ambient=black)
-        return ClosedFormDome(
-            self.dome, rows, cols, albedo=self.albedo, lens_gain=gain, ambient=black,
-            paint=None if paint is None else paint.on(rows, cols),
-        )  # fmt: skip
+        if self.known is None and theatre.paint is None:
+            return ClosedFormDome(
+                self.dome, rows, cols, albedo=self.albedo, lens_gain=gain, ambient=black
+            )
+        if self.known is not None and gains is not None:
+            seen = seen_gain(theatre, gains)
+        return (self.known or bare_transport(theatre)).observation(
+            rows,
+            cols,
+            lens_gain=gain,
+            seen_gain=seen,
+            ambient=black,
+            paint=None if theatre.paint is None else theatre.paint.on(rows, cols),
+        )
 
     def solvable(self, rows: int, cols: int) -> AdjointObservation:
-        """See `Scene`; of a stored transport, the strong modes."""
+        """See `Scene`; of a stored transport, the strong modes, unless paint is coloured."""
         exact = self.one_view(rows, cols)
+        if isinstance(exact, TabulatedDome) and exact.coloured:
+            return exact  # no pair: a scene of two views has no coloured paint
         seen = exact.low_rank() if isinstance(exact, TabulatedDome) else exact
         if self.stereo is None:
             return seen
@@ -257,10 +263,15 @@ class DomeScene(Scene):
             return summed
         if kept == 0:
             return LowRankObservation(replace(factors, core=0 * factors.core), screen)
-        return ClosedFormDome(
-            self.dome, *screen.shape, albedo=self.albedo, lens_gain=factors.direct_gain, kept=kept,
-            paint=None if self.theatre.paint is None else self.theatre.paint.on(*screen.shape),
-        )  # fmt: skip
+        gain, paint = factors.direct_gain, self.theatre.paint
+        if paint is None:
+            return ClosedFormDome(
+                self.dome, *screen.shape, albedo=self.albedo, lens_gain=gain, kept=kept
+            )
+        painted = paint.on(*screen.shape)
+        bare = bare_transport(self.theatre, kept)
+        found = bare.observation(*screen.shape, lens_gain=gain / painted[..., 0], paint=painted)
+        return LowRankObservation(replace(found.low_rank().factors, direct_gain=gain), screen)
 
     def uncertain(self, rows: int, cols: int) -> UncertainDome | None:
         """See `Scene`; None of a 3D dome, of which only one view was measured.
@@ -304,7 +315,7 @@ class DomeScene(Scene):
         facts = {
             "Theatre": f"{self.name}, radius {self.dome.radius:g} m, half-angle "
             f"{np.degrees(self.dome.half_angle):g}°, screen albedo "
-            f"{_by_primary(self.albedo)} (holes counted in)",
+            f"{_by_primary(self.albedo)} (holes counted in){self._painted}",
             "Projector": f"white {self.projector.white:g} cd/m², black "
             f"{self.projector.black:g} cd/m², {self.projector.primaries} primaries",
             "Light without a picture": self.graded,
@@ -326,6 +337,17 @@ class DomeScene(Scene):
                 f"uncertainty, a white frame's reflected light is known within ±{spread} % (95 %)"
             )
         return facts
+
+    @property
+    def _painted(self) -> str:
+        """What multiplies the screen's albedo, in words."""
+        paint = self.theatre.paint
+        if paint is None:
+            return ""
+        return (
+            f", times an albedo map of {decimal(float(paint.factors.min()), 2)} to "
+            f"{decimal(float(paint.factors.max()), 2)}, mean {_by_primary(self.theatre.mean_paint)}"
+        )
 
     @property
     def reflected_error(self) -> tuple[float, float, float]:
@@ -377,6 +399,9 @@ class DomeScene(Scene):
             ),
             "a ghost of the picture shines back through the screen's holes": (
                 self.theatre.shines_back
+            ),
+            "light from behind the holes is dimmed as that of the paint beside them": (
+                self.theatre.shines_back and self.theatre.paint is not None
             ),
         }
         return tuple(reason for reason, holds in left_out.items() if holds)
@@ -479,7 +504,7 @@ def _mean_gain(theatre: Theatre, size: int = 128) -> float:
         return 1.0
     areas = theatre.dome.screen_areas(size, size)
     # A file with holes loads, so that they can be shown (`domesim.inspection.coverage`)
-    gains = lens_gains(replace(theatre, paint=None), size, size, holes=True)
+    gains = lens_gains(theatre, size, size, holes=True)
     return float(np.sum(areas * gains.sum(0)) / areas.sum())
 
 
@@ -519,21 +544,19 @@ def _theatre(file: DomeFile, folder: Path, mistakes: Mistakes) -> Theatre:
         lenses=_lenses(file.projector, dome, folder, mistakes),
         corrected=file.projector.lens.corrected,
         viewpoints=viewpoints,
-        paint=_paint(screen.albedo_map, folder, mistakes),
+        paint=_paint(file, dome, folder, mistakes),
     )
 
 
-def _paint(name: str | None, folder: Path, mistakes: Mistakes) -> Paint | None:
-    if name is None:
+def _paint(file: DomeFile, dome: Dome, folder: Path, mistakes: Mistakes) -> Paint | None:
+    given = file.screen.albedo_map
+    if given is None:
         return None
     with mistakes.noted():
-        factors = read_mask(folder / name).weights
-        if factors.shape[0] != factors.shape[1] or not factors.min() > 0:
-            raise InputError(
-                f"screen.albedo_map {name}: wanted a square domemaster above black, got "
-                f"{factors.shape[1]} x {factors.shape[0]} px from {factors.min():g}"
-            )
-        return Paint(factors)
+        paint = paint_of(given, dome, folder)
+        if paint.coloured and file.stereo is not None:
+            raise InputError("screen.albedo_map must be grey in a scene with [stereo], got colours")
+        return paint
     return None
 
 

@@ -15,13 +15,16 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import (
     AfterValidator,
+    Discriminator,
     Field,
     StrictBool,
+    Tag,
     ValidationError,
     ValidationInfo,
     field_validator,
     model_validator,
 )
+from pydantic.json_schema import SkipJsonSchema
 from pydantic_core import InitErrorDetails
 
 from domesim.errors import InputError
@@ -29,6 +32,7 @@ from domesim.observation.crosstalk import Crosstalk, leaks_to_both
 from domesim.observation.projector import Projector
 from domesim.room.dome import Dome
 from domesim.scene.fields import (
+    TAGS,
     AmbientSection,
     Coordinate,
     GradeSection,
@@ -96,15 +100,36 @@ class CavitySection(Section):
     back_albedo: PerPrimary = 0.0
 
 
+def _numbers(value: object) -> NDArray[np.float64]:
+    if not isinstance(value, np.ndarray) or value.dtype.kind not in "iuf":
+        raise ValueError("must be a file, three files, or an array of numbers")
+    return np.array(value, np.float64)
+
+
+def _map_form(value: object) -> str:
+    return TAGS[5 if isinstance(value, str) else 6 if isinstance(value, list | tuple) else 7]
+
+
+AlbedoMap: TypeAlias = Annotated[
+    Annotated[str, Tag(TAGS[5])]
+    | Annotated[tuple[str, str, str], Tag(TAGS[6])]
+    | Annotated[SkipJsonSchema[Any], AfterValidator(_numbers), Tag(TAGS[7])],
+    Discriminator(_map_form),
+]
+"""A file, three files, or an array."""
+
+
 class ScreenSection(Section):
     """What the screen is made of.
 
-    `albedo_map` is a PNG of grey, beside the scene's file: a domemaster of what multiplies the
-    albedo from place to place. White is as it is seen where that is 1.
+    `albedo_map` is a domemaster of what multiplies the albedo from place to place: a PNG or an EXR
+    beside the scene's file, of grey or of a colour that counts by primaries, or three of grey.
+    Its values count as they are stored, without a curve. White is as it is seen where that is 1.
+    Programs may give an array, (row, col) or (row, col, primary).
     """
 
     albedo: PerPrimary
-    albedo_map: str | None = None
+    albedo_map: AlbedoMap | None = None
     perforation: Annotated[Number, Field(ge=0, lt=1)] = 0.0
     lobe: LobeSection | None = None
     cavity: CavitySection | None = None
@@ -452,6 +477,16 @@ class DomeFile(Section):
                 raise ValidationError.from_exception_data("wall", [mistake])
         return section
 
+    @field_validator("measured")
+    @classmethod
+    def _of_even_paint(
+        cls, measured: MeasuredSection | None, info: ValidationInfo
+    ) -> MeasuredSection | None:
+        screen = info.data.get("screen")
+        if measured is not None and screen is not None and screen.albedo_map is not None:
+            raise ValueError("is of a screen of even paint; leave it or screen.albedo_map out")
+        return measured
+
     @field_validator("stereo")
     @classmethod
     def _matt(
@@ -470,10 +505,9 @@ class DomeFile(Section):
         """SHA-256 of all that light transport depends on."""
         parts = {"name", "description", "sources", "viewing", "viewpoints", "ambient", "measured"}
         parts |= {"stereo", "sky", "grade"}  # what one view's light does is stored
-        content = self.model_dump(mode="json", exclude=parts, warnings=False)
+        left: dict[str, Any] = {**dict.fromkeys(parts, True), "screen": {"albedo_map"}}
+        content = self.model_dump(mode="json", exclude=left, warnings=False)
         content["projector"].pop("black_cd_m2")
-        if content["screen"]["albedo_map"] is None:
-            content["screen"].pop("albedo_map")
         for unit in content["projector"]["units"]:
             for key, usual in (("shift", [0.0, 0.0]), ("mask", None)):
                 if unit[key] == usual:

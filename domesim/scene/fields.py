@@ -20,7 +20,16 @@ Share = Annotated[Number, Field(ge=0, le=1)]
 Luminance = Annotated[Number, Field(ge=1e-6, le=1e6)]
 NoLuminance = Annotated[Number, Field(ge=0, le=1e6)]
 
-TAGS = ("one number", "a number a primary", "a matrix", "named primaries", "measured primaries")
+TAGS = (
+    "one number",
+    "a number a primary",
+    "a matrix",
+    "named primaries",
+    "measured primaries",
+    "a file",
+    "three files",
+    "an array",
+)
 """Alternatives of what a key may hold; they are no keys themselves."""
 _EITHER = Discriminator(lambda value: TAGS[isinstance(value, list)])
 PerPrimary = Annotated[

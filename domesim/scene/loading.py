@@ -116,8 +116,10 @@ def scene_content(name_or_path: str | Path) -> dict[str, Any]:
     if "photograph" in ambient:
         ambient["photograph"] = str((folder / ambient["photograph"]).resolve())
     screen = content.get("screen", {})
-    if "albedo_map" in screen:
-        screen["albedo_map"] = str((folder / screen["albedo_map"]).resolve())
+    if (named := screen.get("albedo_map")) is not None:
+        alone = isinstance(named, str)
+        whole = [str((folder / each).resolve()) for each in ([named] if alone else named)]
+        screen["albedo_map"] = whole[0] if alone else whole
     for unit in content.get("projector", {}).get("units", []):
         if "mask" in unit:
             unit["mask"] = str((folder / unit["mask"]).resolve())

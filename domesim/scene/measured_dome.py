@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from domesim.light.ties import root_of
 from domesim.observation.radiosity import radiosity
-from domesim.observation.spherical import bare_gain
-from domesim.observation.transport import NODES, Transport
+from domesim.observation.spherical import bare_gain, bare_transport
+from domesim.observation.transport import Transport
 from domesim.observation.uncertain import Step
 from domesim.room.theatre import Theatre
 from domesim.scene.dome_file import MeasuredSection
@@ -29,9 +29,7 @@ def whole_transport(theatre: Theatre) -> Transport:
     """The room's transport by radiosity; the bare screen's if there is more than that knows."""
     if not theatre.beyond_enclosure:
         return radiosity(theatre, resolution=_RESOLUTION)
-    core = np.array([[[bare_gain(rho, theatre.dome)]] for rho in theatre.screen_albedo])
-    modes, none = np.ones((1, NODES, NODES)), np.zeros((3, NODES, NODES))
-    return Transport(theatre.dome, modes, core, np.zeros_like(core), none)
+    return bare_transport(theatre)
 
 
 def albedo_steps(

@@ -39,7 +39,7 @@ from domesim.scene.fields import (
 )
 from domesim.scene.flat_file import FlatProjectorSection, FlatViewingSection, OnItsWay
 
-_NUMBER, _ROW, _MATRIX, _NAMED, _MEASURED = TAGS
+_NUMBER, _ROW, _MATRIX, _NAMED, _MEASURED = TAGS[:5]
 
 NoLeak = Annotated[Number, Field(ge=0, le=0.9)]
 _Errors = tuple[NoLeak, NoLeak, NoLeak]

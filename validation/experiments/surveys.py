@@ -245,7 +245,7 @@ def room(name: str, effort: Effort, seed: int) -> Room:
     ).transport
     # Light is measured in units of what a white picture shows directly, in which a lobe has a part.
     size = effort.size
-    gains = tracer.seen_gain(size, size, (0.0, 0.0, 0.0))[scene.screen(size, size)]
+    gains = tracer.seen_gain(size, size, (0.0, 0.0, 0.0))[scene.screen(size, size), 0]
     bright = float(np.median(gains))
     truth = replace(truth, core=truth.core / bright, core_error=truth.core_error / bright)
     bare = replace(scene, theatre=replace(scene.theatre, lobe=None))

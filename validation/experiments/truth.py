@@ -5,24 +5,25 @@ Rationale
     do not share their faults: the closed form in a bare cap; radiosity in Lambertian enclosures;
     tabulated transport; Mitsuba's own integrator with its own shapes; Radiance, likewise; the
     balance of energy. One list has the theatres (`validation.rooms`): a hemisphere of albedo 0.5
-    with one thing added at a time, furnished rooms, and ones drawn at random. Other people's cases
-    were not chosen to suit us, either: those of CIE 171:2006 that are of diffuse surfaces
-    (`validation.cie`). The closed form knows nothing but a Lambertian screen that is part of a
-    sphere; a theatre engineer wants to know from which albedo on that matters.
+    with one thing added at a time, furnished rooms, screens whose albedo differs from place to
+    place and in each primary, and rooms drawn at random. Other people's cases were not chosen to
+    suit us, either: those of CIE 171:2006 that are of diffuse surfaces (`validation.cie`). The
+    closed form knows nothing but a Lambertian screen that is part of a sphere; a theatre engineer
+    wants to know from which albedo on that matters.
 Expected
     The closed form is exact, within 3e-3 (a patch 5e-3), whatever the tilt, a truncation, black
-    holes or a lens off the centre. It is too dark over a floor, by a wall or before a lit cavity,
-    the more the higher the albedo: by more than 5 % over a floor at the spring line of albedo 0.1,
-    and less over a recessed one; too bright for a gain lobe. Among seats it may be off either way:
-    they hide the screen from itself, and send light back. Radiosity is within 1 % of paths.
-    Tabulated transport of a recessed floor is within 1e-3 of paths for white (rms; quick: 2e-3), of
-    others within 5e-3, and for a patch within 1e-2; eight modes, which is what solvers take, within
-    5 % of a patch. Mitsuba within 2.5e-3 of the reflected light and three of its standard errors
-    (its rays start a little above the surface, in float32). 95 % of all differences from Radiance,
-    of drawn theatres' tabulated means and of energies within two of their standard errors, none
-    beyond four and a half. Walks within 0.5 % of each figure that CIE 171 publishes but for three
-    standard errors, and no further from the form factors than their own standard errors say. Where
-    Radiance is not installed, it is left out.
+    holes, an albedo map or a lens off the centre. It is too dark over a floor, by a wall or before
+    a lit cavity, the more the higher the albedo: by more than 5 % over a floor at the spring line
+    of albedo 0.1, and less over a recessed one; too bright for a gain lobe. Among seats it may be
+    off either way: they hide the screen from itself, and send light back. Radiosity is within 1 %
+    of paths. Tabulated transport of a recessed floor is within 1e-3 of paths for white (rms; quick:
+    2e-3), of others within 5e-3, and for a patch within 1e-2; eight modes, which is what solvers
+    take, within 5 % of a patch. Mitsuba within 2.5e-3 of the reflected light and three of its
+    standard errors (its rays start a little above the surface, in float32). 95 % of all differences
+    from Radiance, of drawn theatres' tabulated means and of energies within two of their standard
+    errors, none beyond four and a half. Walks within 0.5 % of each figure that CIE 171 publishes
+    but for three standard errors, and no further from the form factors than their own standard
+    errors say. Where Radiance is not installed, it is left out.
 """
 
 from __future__ import annotations
@@ -78,6 +79,7 @@ QUICK = (
     "ellipsoid, flatter by 0.2",
     "tilted, lens aside",
     FURNISHED,
+    "albedo map, recessed floor",
 )
 DRAWN, QUICK_DRAWN = 20, 2
 NOISY = (TABULATED, RADIANCE, ENERGY)
@@ -268,7 +270,8 @@ def _advice(wanted: Sequence[Case], found: Found) -> str:
         f"On a hemisphere of albedo 0.5 with one of these at a time, the closed form is more than "
         f"{TOLERABLE:.0%} off in reflected light (its mean or its evenness, for white or a patch) "
         f"beyond: {'; '.join(limits)}. With several, or a brighter screen, run domesim tabulate. "
-        f"Tilt, truncation, holes over black and a lens that the scene file knows do not matter."
+        f"Tilt, truncation, holes over black, an albedo map and a lens that the scene file knows "
+        f"do not matter."
     )
 
 

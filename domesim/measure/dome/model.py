@@ -72,17 +72,20 @@ def nominal_albedos(theatre: Theatre) -> Floats:
 
 
 def require_plain(theatre: Theatre) -> None:
-    """Refuse a theatre that radiosity of few surfaces does not know.
+    """Refuse a theatre that radiosity of few surfaces of one albedo each does not know.
 
     Raises
     ------
     InputError
-        If there is more in it than Lambertian screen, floor and wall.
+        If there is more in it than Lambertian screen, floor and wall, or the screen has a map.
     """
-    if theatre.beyond_enclosure:
+    more = theatre.beyond_enclosure
+    if theatre.paint is not None:
+        more = (*more, "a screen with an albedo map")
+    if more:
         raise InputError(
             f"wanted a theatre of Lambertian screen, floor and wall, got "
-            f"{', '.join(theatre.beyond_enclosure)}; use 'domesim measure dome "
+            f"{', '.join(more)}; use 'domesim measure dome "
             f"--without-geometry', or describe it without them"
         )
 

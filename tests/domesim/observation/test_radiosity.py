@@ -436,7 +436,7 @@ def test_energy_balances_where_light_is_stopped() -> None:
         albedos = room.albedos(mix)
         shown = solution.radiosity(mix, np.ones((len(room.points), 1)))[:, 0]
         absorbed = room.areas * shown * (1 - albedos) / albedos
-        assert absorbed.sum() == pytest.approx(room.screen_area / mix[0], rel=2e-3)
+        assert absorbed.sum() == pytest.approx(room.screen_area / mix.screen, rel=2e-3)
 
 
 @pytest.mark.parametrize(
