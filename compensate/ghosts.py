@@ -66,7 +66,7 @@ EDGES = 0.9
 Floats = NDArray[np.floating[Any]]
 
 
-@guarded
+@guarded(error="view row col", ghost="view row col")
 def edge_energy(error: Floats, ghost: Floats, pixels_per_degree: float) -> float:
     """Computes the ghost edge energy: 0 if no edge of a ghost is left, 1 if all are.
 
@@ -88,7 +88,7 @@ def edge_energy(error: Floats, ghost: Floats, pixels_per_degree: float) -> float
     )
 
 
-@guarded
+@guarded(error="view row col", ghost="view row col")
 def ghost_left(error: Floats, ghost: Floats, pixels_per_degree: float) -> float:
     """Computes the share of the ghost's own edges in the error.
 
@@ -107,7 +107,7 @@ def ghost_left(error: Floats, ghost: Floats, pixels_per_degree: float) -> float:
     return _common_edges(error, ghost, sigma) / edges if edges > 0 else 0.0
 
 
-@guarded
+@guarded(error="view row col", ghost="view row col", where="view row col")
 def ghost_contour(
     error: Floats, ghost: Floats, where: NDArray[np.bool_], pixels_per_degree: float
 ) -> float | None:

@@ -405,7 +405,7 @@ class PlainRuler:
         return float(np.median(stars / wanted)), order
 
 
-@guarded
+@guarded(master="pixel primary", seen="pixel primary", luminance_weights="primary")
 def of_colours(master: Floats, seen: Floats, luminance_weights: Floats) -> Colours | None:
     """Compares the hue and saturation of pixels with the master's.
 

@@ -356,7 +356,7 @@ def reduction(viewing: Viewing, settings: Prediction, rows: int, cols: int) -> i
     return step
 
 
-@guarded
+@guarded(mask="... row col")
 def regions(mask: Mask, margin: int = 0) -> list[tuple[slice, slice]]:
     """Finds rectangles that hold all that is true in a mask, with a margin around it.
 

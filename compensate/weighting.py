@@ -480,7 +480,7 @@ def _peak(sensitivity: Sensitivity) -> tuple[float, Any]:
     return float(curve.max()), axis[curve.argmax()]  # neighbours differ by far more than rounding
 
 
-@guarded
+@guarded(luminance_weights="3")
 def linear_ycbcr(luminance_weights: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
     """Returns (channel, primary): Y, Cb, Cr of *linear* light, by ITU-R BT.709's construction.
 

@@ -27,7 +27,7 @@ FALSE_ALARM = 1e-3
 """
 
 
-@guarded
+@guarded(found="*s", error="*s", truth="*s")
 def bias_p(found: ArrayLike, error: ArrayLike, truth: ArrayLike) -> tuple[float, float]:
     """P-values of estimates being unbiased: by their spread, and by what all share.
 
@@ -44,19 +44,19 @@ def bias_p(found: ArrayLike, error: ArrayLike, truth: ArrayLike) -> tuple[float,
 
     Raises
     ------
-    ValueError
+    InputError
         If a standard error is not above 0.
     """
     found, error, truth = np.broadcast_arrays(found, error, truth)
     if not np.all(np.asarray(error) > 0):
-        raise ValueError(f"standard errors must be above 0, got {np.min(error):g}")
+        raise InputError(f"standard errors must be above 0, got {np.min(error):g}")
     z = ((found - truth) / error).ravel()
     spread = float(stats.chi2.sf(np.sum(z**2), len(z)))
     shared = float(2 * stats.norm.sf(abs(z.sum()) / np.sqrt(len(z))))
     return spread, shared
 
 
-@guarded
+@guarded(found="*s", error="*s", truth="*s")
 def assert_unbiased(
     found: ArrayLike, error: ArrayLike, truth: ArrayLike, *, false_alarm: float = FALSE_ALARM
 ) -> None:
@@ -73,7 +73,7 @@ def assert_unbiased(
     ------
     AssertionError
         If the sum of squared z-scores, or the sum of z-scores, is improbably large.
-    ValueError
+    InputError
         If a standard error is not above 0.
     """
     spread, shared = bias_p(found, error, truth)
@@ -95,7 +95,7 @@ def calibration(z: ArrayLike) -> float:
     return float(stats.kstest(np.ravel(z), "norm").pvalue)
 
 
-@guarded
+@guarded(model="row col *s", first="row col *s", second="row col *s", share="row col")
 def rms_difference(
     model: ArrayLike, first: ArrayLike, second: ArrayLike, share: ArrayLike
 ) -> float:

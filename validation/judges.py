@@ -189,7 +189,7 @@ def left_out(said: Mapping[str, Iterable[float | None]]) -> list[str]:
     ]
 
 
-@guarded
+@guarded(light="view row col 3")
 def luminance(light: Light, scene: Scene) -> NDArray[np.float64]:
     """Computes the luminance of light.
 
@@ -244,7 +244,7 @@ def _shown(light: Light, scene: Scene) -> NDArray[np.float32]:
     return enlarged(on_display(light, scene), times) * np.float32(scene.projector.white)
 
 
-@guarded
+@guarded(light="view row col 3")
 def on_display(light: Light, scene: Scene) -> NDArray[np.float32]:
     """Converts light of one view for a display.
 

@@ -192,7 +192,7 @@ DETAIL = float(np.pi * 1.5**2)
 """Area of a pattern, deg², where none is given: that of ColorVideoVDP's table, of 3° across."""
 
 
-@guarded
+@guarded(frequency="*s", luminance="*s")
 def castle(
     frequency: ArrayLike, luminance: ArrayLike, mechanism: Mechanism, *, area: float
 ) -> Floats:
@@ -247,7 +247,7 @@ def _shape(rho: Floats, l: Floats, mechanism: Mechanism) -> Floats:  # noqa: E74
     return np.asarray(np.where(rho < f_max, np.maximum(parabola, mechanism.plateau), parabola))
 
 
-@guarded
+@guarded(difference="*s 3", background="*s 3")
 def opponent_contrast(difference: ArrayLike, background: ArrayLike) -> Floats:
     """Returns signed contrasts of a coloured difference, in the order of `MECHANISMS`.
 

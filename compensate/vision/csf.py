@@ -22,7 +22,7 @@ PEAK_SENSITIVITY = 250.0
 """P, the absolute peak sensitivity (Daly 1992)."""
 
 
-@guarded
+@guarded(frequency="*s", orientation="*s")
 def daly(
     frequency: ArrayLike,
     orientation: ArrayLike,

@@ -120,7 +120,7 @@ class Band:
     seen: Planes
 
 
-@guarded
+@guarded(wanted="view row col 3", seen="view row col 3")
 def visible_difference(wanted: Floats, seen: Floats, pixels_per_degree: float) -> Planes:
     """Maps how much worse `seen` looks than `wanted`.
 
@@ -163,7 +163,7 @@ def in_thresholds(lost: Floats) -> Planes:
     return np.asarray(found / STILL, np.float32)
 
 
-@guarded
+@guarded(wanted="view row col 3", seen="view row col 3")
 def bands(wanted: Floats, seen: Floats, pixels_per_degree: float) -> list[Band]:
     """Compares two pictures band by band.
 
@@ -413,7 +413,7 @@ class Reference:
         return in_strips(mask, _strips_of(wanted))
 
 
-@guarded
+@guarded(wanted="mechanism row col", seen="mechanism row col")
 def mutually_masked(wanted: Planes, seen: Planes) -> Planes:
     """Masks differences by what both pictures have in common.
 
@@ -434,7 +434,7 @@ def mutually_masked(wanted: Planes, seen: Planes) -> Planes:
     return _masked(both, apart)
 
 
-@guarded
+@guarded(planes="... row col")
 def reduced(planes: Planes) -> Planes:
     """The next level of the Gaussian pyramid, (..., row, col): every second pixel, smoothed."""
     each = planes.reshape(-1, *planes.shape[-2:])

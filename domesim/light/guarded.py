@@ -1,29 +1,38 @@
 """Guards of public functions, by what their parameters are said to be.
 
-A `guarded` function takes what its annotations say, refuses all else by an `InputError`, and never
-returns what is not a number in silence. What it checks itself comes first. Functions that it calls
-are not guarded again.
+A `guarded` function looks at its arguments before it begins. It refuses by an `InputError` what is
+not of a parameter's kind, has not its axes, or is not finite. It never returns what is not a number
+in silence. Errors that come from within are its own faults, and stay what they are. Functions that
+it calls are not guarded again.
 
     Light                    float32 or float64, (view, row, col, primary)
     Floats, Planes, ...      float32 or float64, any axes
     ArrayLike                what NumPy makes real numbers of
     Mask, NDArray[np.bool_]  bool
-    float, int               a finite number
+    float, int               a number
+    a class                  one of it, or of its subclasses
+
+Axes are told by their names, ``guarded(light="row col primary", weights="primary")``: a name has
+one size everywhere, which is not 0, and a number is a size. ``...`` is any axes, none empty.
+``*s`` is any axes, too, and those of one name go together as NumPy broadcasts them.
 """
 
 from __future__ import annotations
 
 import inspect
+import math
 import numbers
-from collections.abc import Callable, Iterable, Mapping
+import types
+import typing
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextvars import ContextVar
-from functools import wraps
-from typing import Any, ParamSpec, TypeVar
+from functools import cache, wraps
+from typing import Any, ParamSpec, TypeVar, overload
 
 import numpy as np
 
 from domesim.errors import InputError
-from domesim.light import require_light
+from domesim.light import require_finite, require_light
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -31,51 +40,136 @@ R = TypeVar("R")
 _inside = ContextVar("inside", default=False)
 
 
-def guarded(function: Callable[P, R]) -> Callable[P, R]:
+@overload
+def guarded(function: Callable[P, R], /) -> Callable[P, R]: ...
+
+
+@overload
+def guarded(**axes: str) -> Callable[[Callable[P, R]], Callable[P, R]]: ...
+
+
+def guarded(function: Any = None, /, **axes: str) -> Any:
     """Makes a function refuse what it cannot take, by the module's table.
 
     Parameters
     ----------
     function
         A public function with annotations.
+    axes
+        Names of the axes of its arrays.
 
     Returns
     -------
     function
-        The same one, guarded. It raises `InputError` also where arguments do not fit together, or
-        the result has values that are not a number.
+        The same one, guarded. It raises `InputError` also where the result has values that are not
+        a number.
     """
+    if function is None:
+        return lambda each: _guarded(each, axes)
+    return _guarded(function, {})
+
+
+def _guarded(function: Callable[P, R], axes: Mapping[str, str]) -> Callable[P, R]:
     signature = inspect.signature(function)
-    checks: dict[str, Callable[[str, Any], None]] = {}
-    optional = set()
-    for name, parameter in signature.parameters.items():
-        first, *others = (each.strip() for each in str(parameter.annotation).split("|"))
-        if first in CHECKS and others in ([], ["None"]):
-            checks[name] = CHECKS[first]
-            optional |= {name} if others else set()
+    kinds = {
+        name: [each.strip() for each in str(parameter.annotation).split("|")]
+        for name, parameter in signature.parameters.items()
+    }
+    checks = {name: CHECKS[first] for name, (first, *_) in kinds.items() if first in CHECKS}
+    optional = {name for name, (_, *others) in kinds.items() if others == ["None"]}
+    checks = {name: each for name, each in checks.items() if kinds[name][1:] in ([], ["None"])}
+
+    @cache
+    def classes() -> dict[str, tuple[type, ...]]:
+        """Classes of the other parameters; at the first call, when all have been defined."""
+        several = inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD
+        found = {
+            name: _classes(each.annotation, function)
+            for name, each in signature.parameters.items()
+            if name not in checks and each.kind not in several
+        }
+        return {name: each for name, each in found.items() if each}
 
     @wraps(function)
     def checked(*args: P.args, **kwargs: P.kwargs) -> R:
         if _inside.get():
             return function(*args, **kwargs)
         who, given = function.__name__, signature.bind(*args, **kwargs).arguments
-        for name, check in checks.items():
-            if name in given and not (name in optional and given[name] is None):
-                check(f"{who}'s {name}", given[name])
+        arrays = {
+            name: given[name]
+            for name in checks
+            if name in given and not (name in optional and given[name] is None)
+        }
+        for name, value in arrays.items():
+            checks[name](f"{who}'s {name}", value)
+        for name, wanted in classes().items():
+            if name in given and not isinstance(given[name], wanted):
+                what = " or ".join(each.__name__ for each in wanted if each is not types.NoneType)
+                raise InputError(f"{who}'s {name} takes a {what}, got {_briefly(given[name])}")
+        _fit(who, axes, arrays)
         token = _inside.set(True)
         try:
             with np.errstate(all="ignore"):  # what comes of it is looked at below
                 result = function(*args, **kwargs)
-        except InputError:
-            raise
-        except (ValueError, TypeError, IndexError, AttributeError, ArithmeticError) as error:
-            raise InputError(f"{who} cannot take {_told(given)}: {error}") from error
         finally:
             _inside.reset(token)
-        _refuse_nan(who, given, checks, result)
+        if any(_lacks(each, np.isnan) for each in _arrays(result)):
+            raise InputError(f"{who} has no number for {_told(given)}")
         return result
 
     return checked
+
+
+def _classes(annotation: Any, function: Callable[..., Any]) -> tuple[type, ...]:
+    """Classes that an annotation names; none if it names anything else, or what is not imported."""
+    try:
+        named = eval(annotation, function.__globals__)
+    except (NameError, TypeError):  # TypeError: a union with a forward reference
+        return ()
+    union = isinstance(named, types.UnionType) or typing.get_origin(named) is typing.Union
+    parts = typing.get_args(named) if union else (named,)
+    found = tuple(typing.get_origin(each) or each for each in parts)
+    if not all(inspect.isclass(each) and not _is_for_checkers(each) for each in found):
+        return ()
+    return (*found, numbers.Real) if float in found else found
+
+
+def _is_for_checkers(kind: Any) -> bool:
+    """Whether a class is one for type checkers alone."""
+    return kind is Any or getattr(kind, "_is_protocol", False)
+
+
+def _fit(who: str, axes: Mapping[str, str], given: Mapping[str, Any]) -> None:
+    """Refuse arrays whose axes are not those, or that do not go together."""
+    sizes: dict[str, Any] = {}
+    for name, wanted in axes.items():
+        if name not in given:
+            continue
+        shape = np.shape(given[name])
+        if not _fits(shape, wanted.split(), sizes):
+            known = ", ".join(f"{axis} = {size}" for axis, size in sizes.items())
+            beside = f", where {known}" if len(axes) > 1 and known else ""
+            raise InputError(f"{who}'s {name} takes the axes ({wanted}), got {shape}{beside}")
+
+
+def _fits(shape: tuple[int, ...], names: Sequence[str], sizes: dict[str, Any]) -> bool:
+    """Whether a shape has the axes of those names and `sizes`; notes the sizes of new names."""
+    at = next((k for k, name in enumerate(names) if name[0] in ".*"), len(names))
+    before, any_, after = names[:at], names[at : at + 1], names[at + 1 :]
+    end = len(shape) - len(after) if any_ else at
+    if end < at or (not any_ and len(shape) != at):
+        return False
+    for name, size in zip([*before, *after], [*shape[:at], *shape[end:]], strict=True):
+        right = int(name) if name.isdigit() else sizes.setdefault(name, size)
+        if size != right or size == 0:
+            return False
+    if not any_ or any_ == ["..."]:
+        return 0 not in shape
+    try:
+        sizes[any_[0]] = np.broadcast_shapes(sizes.get(any_[0], ()), shape[at:end])
+    except ValueError:
+        return False
+    return True
 
 
 def require_numbers(who: str, value: Any) -> None:
@@ -94,20 +188,6 @@ def require_numbers(who: str, value: Any) -> None:
         If it is none.
     """
     _array_like(who, value)
-    if _lacks(np.asarray(value), _not_finite):
-        raise InputError(f"{who} must be finite, got {_briefly(np.asarray(value))}")
-
-
-def _refuse_nan(who: str, given: Mapping[str, Any], names: Iterable[str], result: Any) -> None:
-    """Refuse a result that is no number, or could not show that what was given is none."""
-    found = list(_arrays(result))
-    if any(_lacks(each, np.isnan) for each in found):
-        raise InputError(f"{who} has no number for {_told(given)}")
-    if any(each.dtype.kind == "f" for each in found):
-        return
-    for name in names:
-        if any(_lacks(each, _not_finite) for each in _arrays(given.get(name))):
-            raise InputError(f"{who}'s {name} must be finite, got {_briefly(given[name])}")
 
 
 def _floats(who: str, value: Any) -> None:
@@ -115,6 +195,7 @@ def _floats(who: str, value: Any) -> None:
     real = isinstance(value, np.ndarray | np.generic) and got in (np.float32, np.float64)
     if not real and type(value) is not float:
         raise InputError(f"{who} takes float32 or float64, got {got}")
+    _refuse_infinite(who, np.asarray(value))
 
 
 def _array_like(who: str, value: Any) -> None:
@@ -124,6 +205,17 @@ def _array_like(who: str, value: Any) -> None:
         raise InputError(f"{who} takes real numbers, got {_briefly(value)}: {error}") from None
     if array.dtype.kind not in "biuf":
         raise InputError(f"{who} takes real numbers, got {_briefly(value)}")
+    _refuse_infinite(who, array)
+
+
+def _light(who: str, value: Any) -> None:
+    require_light(value, who=who)
+    require_finite(value, who=who)
+
+
+def _refuse_infinite(who: str, array: np.ndarray[Any, Any]) -> None:
+    if _lacks(array, _not_finite):
+        raise InputError(f"{who} must be finite, got {_briefly(array)}")
 
 
 def _mask(who: str, value: Any) -> None:
@@ -135,10 +227,12 @@ def _number(who: str, value: Any) -> None:
     real = isinstance(value, np.ndarray) and value.ndim == 0
     if not (real or isinstance(value, numbers.Real)) or isinstance(value, bool):
         raise InputError(f"{who} takes a number, got {_briefly(value)}")
+    if math.isnan(value):
+        raise InputError(f"{who} takes a number, got NaN")
 
 
 CHECKS: Mapping[str, Callable[[str, Any], None]] = {
-    "Light": lambda who, value: require_light(value, who=who),
+    "Light": _light,
     "Floats": _floats,
     "Planes": _floats,
     "NDArray[np.floating]": _floats,

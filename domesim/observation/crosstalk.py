@@ -308,7 +308,7 @@ def leaks_to_both(to_left: object, to_right: object) -> NDArray[np.float64]:
     return np.stack([leak_matrices(np.asarray(leak))[0] for leak in (to_left, to_right)])
 
 
-@guarded
+@guarded(coarse="view row col")
 def over_pixels(
     coarse: NDArray[np.float64], rows: int, cols: int, *, sloping: bool = True
 ) -> NDArray[np.float64]:

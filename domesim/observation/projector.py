@@ -160,7 +160,7 @@ class Projector:
         return self.primaries if self.measured is None else self.measured
 
 
-@guarded
+@guarded(xyz="3 3")
 def relative_primaries(xyz: ArrayLike) -> Matrix:
     """Measured primaries as `Projector` takes them.
 

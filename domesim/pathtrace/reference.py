@@ -30,7 +30,7 @@ _PAINT_ROWS = 1024
 """Steps of an albedo map from pole to pole."""
 
 
-@guarded
+@guarded(light="size size 3")
 def path_traced(
     theatre: Theatre,
     light: NDArray[Any],
@@ -66,7 +66,7 @@ def path_traced(
     InputError
         If the theatre has more than this reference can build.
     """
-    dome = theatre.dome
+    dome, light = theatre.dome, np.asarray(light)
     beyond = {
         "a cavity": theatre.cavity is not None and theatre.perforation > 0,
         "lamps": bool(theatre.lamps),

@@ -336,7 +336,7 @@ def _graded(
     return light + np.stack(beyond, axis=-1), changed
 
 
-@guarded
+@guarded(light="view row col 3", areas="row col")
 def mean_luminance(light: Light, scene: Scene, areas: NDArray[np.floating] | None = None) -> float:
     """Mean luminance over the screen's area and all views.
 

@@ -94,7 +94,7 @@ def crosstalk_estimate(theatre: StereoTheatre, seat: str, rows: int, cols: int) 
     return np.asarray(other / own)
 
 
-@guarded
+@guarded(eye="3", points="... 3")
 def seen_luminance(
     screen: SilverScreen,
     projector: PolarisedProjector,
@@ -128,7 +128,7 @@ def seen_luminance(
     return np.asarray(-to_lamp[..., 1] / distance**2 * (intensity + passed) / 2)
 
 
-@guarded
+@guarded(incidence="*s", viewing="*s")
 def screen_gain(screen: SilverScreen, incidence: ArrayLike, viewing: ArrayLike = 0.0) -> Floats:
     """Brightness of a screen over that of a white Lambertian one.
 

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import ArrayLike
 
 from compensate.own import own_problem
 from compensate.pose import pose
@@ -276,13 +277,57 @@ def test_a_guard_tells_who_wanted_what():
     def share(first: np.ndarray, second: float) -> float:
         return float(first[0] / second)
 
-    with pytest.raises(InputError, match=r"^share cannot take first = 'a', second = 2: unsupp"):
+    with pytest.raises(InputError, match=r"^share's first takes a ndarray, got 'a'"):
         share("a", 2)
     with pytest.raises(InputError, match=r"^share's second takes a number, got '2'"):
         share(np.ones(2), "2")
     with pytest.raises(InputError, match=r"has no number for first = float64 .2,. with 1 not"):
         share(np.array([np.nan, 1]), 2.0)
     assert share(np.ones(2), 2) == 0.5
+
+
+@pytest.mark.parametrize("fault", [TypeError, AttributeError, IndexError, ValueError, KeyError])
+def test_a_fault_of_ours_is_not_told_as_the_users(fault, monkeypatch):
+    """Of right arguments and of wrong ones: what is raised deep within comes out as it is."""
+
+    def broken(*_, **__):
+        raise fault("ours")
+
+    monkeypatch.setattr("compensate.vision.saliency._activation", broken)
+    with pytest.raises(fault, match="ours") as found:
+        gbvs(LIGHT[0])
+    assert not isinstance(found.value, InputError)
+    with pytest.raises(InputError, match="takes real numbers"):
+        gbvs("light")
+
+
+def test_axes_go_together():
+    @guarded(light="... row col 3", weights="3", like="*s", other="*s 2")
+    def function(
+        light: ArrayLike,
+        weights: ArrayLike = (1, 1, 1),
+        like: ArrayLike | None = None,
+        other: ArrayLike = (0, 0),
+    ) -> float:
+        return 1.0
+
+    for right in (
+        {"light": np.ones((4, 5, 3))},
+        {"light": np.ones((2, 1, 4, 5, 3)), "like": None},
+        {"light": np.ones((4, 5, 3)), "like": 2.0, "other": np.ones((7, 2))},
+        {"light": np.ones((4, 5, 3)), "like": np.ones((6, 1)), "other": np.ones((7, 2))},
+    ):
+        assert function(**right) == 1
+    for wrong in (
+        {"light": np.ones((4, 5, 4))},
+        {"light": np.ones((5, 3))},
+        {"light": np.ones((4, 0, 3))},
+        {"light": np.ones((4, 5, 3)), "weights": [1, 1]},
+        {"light": np.ones((4, 5, 3)), "weights": 1.0},
+        {"light": np.ones((4, 5, 3)), "like": np.ones(6), "other": np.ones((7, 2))},
+    ):
+        with pytest.raises(InputError, match=r"^function's \w+ takes the axes"):
+            function(**wrong)
 
 
 def test_the_panel_is_asked_at_the_top():

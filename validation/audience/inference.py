@@ -172,7 +172,7 @@ def audience(counts: ArrayLike, names: Sequence[str], *, false_alarm: float = 0.
     return Audience(tuple(names), tuple(preferences), study, errors, quantile)
 
 
-@guarded
+@guarded(wins="viewer", trials="viewer")
 def share_interval(wins: ArrayLike, trials: ArrayLike) -> tuple[float, float]:
     """95 % interval of an audience's share of choices (module docstring).
 

@@ -47,7 +47,7 @@ MONOCULAR, BINOCULAR = 1.0, 0.6561
 Floats = NDArray[np.float64]
 
 
-@guarded
+@guarded(left="*s", right="*s")
 def two_stage(left: ArrayLike, right: ArrayLike) -> Floats:
     """Computes the response r to the contrasts of two eyes.
 
@@ -66,7 +66,7 @@ def two_stage(left: ArrayLike, right: ArrayLike) -> Floats:
     return np.asarray(stage**P / (Z + stage**Q))
 
 
-@guarded
+@guarded(left="*s", right="*s", left_energy="*s", right_energy="*s")
 def gain_control(
     left: ArrayLike, right: ArrayLike, left_energy: ArrayLike, right_energy: ArrayLike
 ) -> Floats:

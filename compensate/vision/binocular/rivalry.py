@@ -29,7 +29,7 @@ VISIBLE = 1.0
 Floats = NDArray[np.floating[Any]]
 
 
-@guarded
+@guarded(left="*s", right="*s")
 def contrast_ratio(left: Floats, right: Floats) -> Floats:
     """Divides the lesser contrast by the greater one.
 
@@ -48,7 +48,7 @@ def contrast_ratio(left: Floats, right: Floats) -> Floats:
     return np.divide(np.minimum(left, right), greater, out=ratio, where=greater > 0)
 
 
-@guarded
+@guarded(left="*s", right="*s")
 def rivals(left: Floats, right: Floats) -> NDArray[np.bool_]:
     """Says where two eyes rival.
 
