@@ -190,7 +190,7 @@ def analyse(wins: ArrayLike, names: Sequence[str], *, false_alarm: float = 0.05)
     )
 
 
-@guarded(p="hypothesis")
+@guarded(p="... test")
 def holm(p: ArrayLike) -> NDArray[np.float64]:
     """(..., test) p-values corrected for the number of tests after Holm."""
     # Not by statsmodels' multipletests, which takes one family at a time and 50 ms for it

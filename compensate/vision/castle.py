@@ -272,9 +272,6 @@ def opponent_contrast(difference: ArrayLike, background: ArrayLike) -> Floats:
         If the last axis does not hold three values, or the background is not brighter than black.
     """
     change, around = np.asarray(difference, np.float64), np.asarray(background, np.float64)
-    for name, value in (("difference", change), ("background", around)):
-        if value.shape[-1:] != (3,):
-            raise InputError(f"opponent contrast takes XYZ, (..., 3), got {name} {value.shape}")
     achromatic = around @ DKL_FROM_XYZ[0]
     if achromatic.size and not achromatic.min() > 0:
         raise InputError("opponent contrast takes a background brighter than black")

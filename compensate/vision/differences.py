@@ -120,7 +120,7 @@ class Band:
     seen: Planes
 
 
-@guarded(wanted="view row col 3", seen="view row col 3")
+@guarded(wanted="view row col 3, finite", seen="view row col 3, finite")
 def visible_difference(wanted: Floats, seen: Floats, pixels_per_degree: float) -> Planes:
     """Maps how much worse `seen` looks than `wanted`.
 
@@ -163,7 +163,7 @@ def in_thresholds(lost: Floats) -> Planes:
     return np.asarray(found / STILL, np.float32)
 
 
-@guarded(wanted="view row col 3", seen="view row col 3")
+@guarded(wanted="view row col 3, finite", seen="view row col 3, finite")
 def bands(wanted: Floats, seen: Floats, pixels_per_degree: float) -> list[Band]:
     """Compares two pictures band by band.
 

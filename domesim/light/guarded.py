@@ -1,9 +1,9 @@
 """Guards of public functions, by what their parameters are said to be.
 
 A `guarded` function looks at its arguments before it begins. It refuses by an `InputError` what is
-not of a parameter's kind, has not its axes, or is not finite. It never returns what is not a number
-in silence. Errors that come from within are its own faults, and stay what they are. Functions that
-it calls are not guarded again.
+not of a parameter's kind, or has not its axes. It never returns what is not a number in silence. It
+refuses arguments that are not finite if its result could not show it. Errors that come from within
+are its own faults, and stay what they are. Functions that it calls are not guarded again.
 
     Light                    float32 or float64, (view, row, col, primary)
     Floats, Planes, ...      float32 or float64, any axes
@@ -14,13 +14,13 @@ it calls are not guarded again.
 
 Axes are told by their names, ``guarded(light="row col primary", weights="primary")``: a name has
 one size everywhere, which is not 0, and a number is a size. ``...`` is any axes, none empty.
-``*s`` is any axes, too, and those of one name go together as NumPy broadcasts them.
+``*s`` is any axes, too, and those of one name go together as NumPy broadcasts them. What ends in
+``, finite`` is refused at once if it is not.
 """
 
 from __future__ import annotations
 
 import inspect
-import math
 import numbers
 import types
 import typing
@@ -32,7 +32,7 @@ from typing import Any, ParamSpec, TypeVar, overload
 import numpy as np
 
 from domesim.errors import InputError
-from domesim.light import require_finite, require_light
+from domesim.light import require_light
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -113,8 +113,13 @@ def _guarded(function: Callable[P, R], axes: Mapping[str, str]) -> Callable[P, R
                 result = function(*args, **kwargs)
         finally:
             _inside.reset(token)
-        if any(_lacks(each, np.isnan) for each in _arrays(result)):
+        found = list(_arrays(result))
+        if any(_lacks(each, np.isnan) for each in found):
             raise InputError(f"{who} has no number for {_told(given)}")
+        if not any(each.dtype.kind == "f" for each in found):
+            for name, value in arrays.items():
+                for each in _arrays(value):
+                    _refuse_infinite(f"{who}'s {name}", each)
         return result
 
     return checked
@@ -145,11 +150,13 @@ def _fit(who: str, axes: Mapping[str, str], given: Mapping[str, Any]) -> None:
     for name, wanted in axes.items():
         if name not in given:
             continue
-        shape = np.shape(given[name])
-        if not _fits(shape, wanted.split(), sizes):
+        shape, (names, finite, _) = np.shape(given[name]), wanted.partition(", finite")
+        if finite:
+            _refuse_infinite(f"{who}'s {name}", np.asarray(given[name]))
+        if not _fits(shape, names.split(), sizes):
             known = ", ".join(f"{axis} = {size}" for axis, size in sizes.items())
             beside = f", where {known}" if len(axes) > 1 and known else ""
-            raise InputError(f"{who}'s {name} takes the axes ({wanted}), got {shape}{beside}")
+            raise InputError(f"{who}'s {name} takes the axes ({names}), got {shape}{beside}")
 
 
 def _fits(shape: tuple[int, ...], names: Sequence[str], sizes: dict[str, Any]) -> bool:
@@ -188,6 +195,7 @@ def require_numbers(who: str, value: Any) -> None:
         If it is none.
     """
     _array_like(who, value)
+    _refuse_infinite(who, np.asarray(value))
 
 
 def _floats(who: str, value: Any) -> None:
@@ -195,7 +203,6 @@ def _floats(who: str, value: Any) -> None:
     real = isinstance(value, np.ndarray | np.generic) and got in (np.float32, np.float64)
     if not real and type(value) is not float:
         raise InputError(f"{who} takes float32 or float64, got {got}")
-    _refuse_infinite(who, np.asarray(value))
 
 
 def _array_like(who: str, value: Any) -> None:
@@ -205,12 +212,6 @@ def _array_like(who: str, value: Any) -> None:
         raise InputError(f"{who} takes real numbers, got {_briefly(value)}: {error}") from None
     if array.dtype.kind not in "biuf":
         raise InputError(f"{who} takes real numbers, got {_briefly(value)}")
-    _refuse_infinite(who, array)
-
-
-def _light(who: str, value: Any) -> None:
-    require_light(value, who=who)
-    require_finite(value, who=who)
 
 
 def _refuse_infinite(who: str, array: np.ndarray[Any, Any]) -> None:
@@ -227,12 +228,10 @@ def _number(who: str, value: Any) -> None:
     real = isinstance(value, np.ndarray) and value.ndim == 0
     if not (real or isinstance(value, numbers.Real)) or isinstance(value, bool):
         raise InputError(f"{who} takes a number, got {_briefly(value)}")
-    if math.isnan(value):
-        raise InputError(f"{who} takes a number, got NaN")
 
 
 CHECKS: Mapping[str, Callable[[str, Any], None]] = {
-    "Light": _light,
+    "Light": lambda who, value: require_light(value, who=who),
     "Floats": _floats,
     "Planes": _floats,
     "NDArray[np.floating]": _floats,

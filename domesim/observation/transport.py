@@ -290,7 +290,7 @@ def node_places(nodes: int = NODES) -> Floats:
     return np.asarray((np.arange(nodes) - MARGIN) * step - 1)
 
 
-@guarded(places="place")
+@guarded(places="place, finite")
 def interpolation(places: NDArray[np.floating[Any]], nodes: int) -> Floats:
     """Cubic (4-point Lagrange) weights of the nodes at some places.
 
@@ -313,7 +313,7 @@ def interpolation(places: NDArray[np.floating[Any]], nodes: int) -> Floats:
     return matrix
 
 
-@guarded(tables="table node node", u="point", v="point")
+@guarded(tables="table node node", u="point, finite", v="point, finite")
 def sample_nodes(tables: Floats, u: Floats, v: Floats) -> Floats:
     """Samples functions on the grid of nodes at points of the domemaster.
 

@@ -208,7 +208,7 @@ def share_interval(wins: ArrayLike, trials: ArrayLike) -> tuple[float, float]:
     return float(max(middle - half, 0)), float(min(middle + half, 1))
 
 
-@guarded
+@guarded(differences="difference, finite")
 def sign_changes(differences: ArrayLike) -> float:
     """Two-sided p of (viewer,) whole differences being as likely the other way round."""
     sizes = np.abs(np.asarray(differences, np.int64))

@@ -329,7 +329,7 @@ def test_conditions_that_cannot_be_are_refused(mechanism):
     for luminance in (0.0, -1.0, math.nan, math.inf):
         with pytest.raises(InputError, match="luminances above 0"):
             castle(1.0, [1.0, luminance], mechanism, area=1.0)
-    with pytest.raises(InputError, match=r"\(\.\.\., 3\), got difference \(2,\)"):
+    with pytest.raises(InputError, match=r"difference takes the axes \(\*s 3\), got \(2,\)"):
         opponent_contrast([1.0, 2.0], [1.0, 1.0, 1.0])
     for background in ([0.0, 0.0, 0.0], [math.nan, 1.0, 1.0]):
         with pytest.raises(InputError, match="brighter than black"):
