@@ -12,6 +12,7 @@ from compensate.commands.aiming import Aiming
 from compensate.methods import METHODS
 from compensate.shows.compensating import worse_than_untouched
 from compensate.shows.cues import AUTO, CANDIDATES, Cue, cued, starts
+from compensate.shows.eyes import exchanged
 from compensate.shows.titles import titles_of
 from compensate.solver.fitting import Fitted
 from domesim.commands.options import Place, Telling, grouped
@@ -116,6 +117,9 @@ def compensate(
             console.say(line)
         return {"cues": [asdict(cue) for cue in cues]} if method == AUTO else {}
 
+    here = found.numbered and doing.scheduler is None
+    if here and (line := exchanged(found, scene, repair=masters.repair)):
+        console.say(line)
     doing.show(
         found,
         recipe,

@@ -20,6 +20,7 @@ from compensate.report_card import (
     ways,
 )
 from compensate.ruler import PEOPLE_SAY
+from compensate.shows.eyes import told, votes
 from domesim.commands.options import AmbientIs, BlackIs, SeatName, Telling, TransportFile, grouped
 from domesim.commands.render import SceneArgument
 from domesim.commands.shows import Masters, require_one_seat
@@ -61,8 +62,8 @@ def report_card(
     require_one_seat(system, seat, "a report card is of one seat")
     found = crosstalk(system)
     console.say(f"{system.name}, {system.chosen[0]}: {system.model}")
-    told = sorted(found, key=lambda name: found[name].system)
-    for eye in found if len(found) == 2 else dict.fromkeys((told[0], told[-1])):
+    ranked = sorted(found, key=lambda name: found[name].system)
+    for eye in found if len(found) == 2 else dict.fromkeys((ranked[0], ranked[-1])):
         console.say(*_told(eye, found[eye]))
     figures: dict[str, Any] = {
         "scene": system.name,
@@ -114,7 +115,10 @@ def _of_pair(scene: StereoScene, masters: Masters, console: Console) -> dict[str
         f"  disparity: {depth['nearest_deg']:+.2f}° to {depth['farthest_deg']:+.2f}° (+ is before "
         f"the screen), known on {depth['sure']:.0%} of the picture",
     )
-    figures = _of_views(posed, console)
+    counted = votes(posed.desired, scene)
+    if line := told(counted):
+        console.say(f"  {line}")
+    figures = _of_views(posed, console) | {"exchanged": counted.exchanged}
     for method, each in found.items():
         console.say(
             f"  {METHODS[method]:<12} quality lost: {each.fused_loss:.2f} JOD with both eyes, "
