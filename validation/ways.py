@@ -14,7 +14,7 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
-from domesim.observation.radiosity import radiosity
+from domesim.observation.radiosity import quick_radiosity, radiosity
 from domesim.observation.spherical import bare_transport
 from domesim.observation.transport import TabulatedDome, Transport
 from domesim.pathtrace.observation import PathTracedDome
@@ -31,6 +31,8 @@ from validation.rooms import Case
 Image = NDArray[np.float64]
 
 CLOSED, RADIOSITY, TABULATED, EIGHT = "closed form", "radiosity", "tabulated", "eight modes"
+QUICK_RADIOSITY = "quick radiosity"
+"""What commands take of domes that are no spheres, in seconds."""
 MITSUBA, RADIANCE, ENERGY = "Mitsuba", "Radiance", "energy"
 SIZE = 64
 """Pixels a side of the domemasters."""
@@ -215,6 +217,8 @@ def _models(case: Case, tracer: Tracer, effort: Effort, seed: int) -> Iterator[t
         transport = radiosity(theatre, resolution=effort.rings)
         seconds = time.process_time() - started
         yield RADIOSITY, _Model(partial(reflected, seen(transport)), cpu_s=seconds)
+        if theatre.dome.height_ratio != 1:
+            yield QUICK_RADIOSITY, _Model(partial(reflected, seen(quick_radiosity(theatre))))
     if case.tabulated:
         # The mean over the screen is the same with any patterns, and found sooner with one.
         alone = {"degree": 0, "explicit": False, "most": 1e8} if case.even else {}
