@@ -17,8 +17,8 @@ from dataclasses import dataclass
 from typing import Any, final
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.ndimage import distance_transform_edt, map_coordinates
 
 from domesim.errors import InputError
 from domesim.light.guarded import guarded
@@ -59,7 +59,10 @@ class Disparity:
         y, x = np.mgrid[:rows, :cols]
         places = np.stack([y, x - self.shift])
         planes = np.moveaxis(other.reshape(rows, cols, -1), -1, 0)
-        moved = [map_coordinates(plane, places, order=1, mode="nearest") for plane in planes]
+        moved = [
+            scipy.ndimage.map_coordinates(plane, places, order=1, mode="nearest")
+            for plane in planes
+        ]
         return np.stack(moved, axis=-1).reshape(other.shape)
 
 
@@ -130,5 +133,7 @@ def _checked(own: Floats, other: Floats) -> Disparity:
     sure = inside & (np.abs(own + back) <= 1)  # NaN compares as False
     if not sure.any():
         return Disparity(np.zeros(own.shape), sure)
-    nearest = distance_transform_edt(~sure, return_distances=False, return_indices=True)
+    nearest = scipy.ndimage.distance_transform_edt(
+        ~sure, return_distances=False, return_indices=True
+    )
     return Disparity(own[tuple(nearest)], sure)
