@@ -15,6 +15,7 @@ from documented import commands, play
 from pydantic import BaseModel
 
 from compensate.methods import STEREO
+from compensate.shows.cues import AUTO
 from domesim import scene
 from domesim.errors import InputError
 from validation import results
@@ -145,8 +146,9 @@ def test_what_the_page_on_3d_screens_says(tmp_path):
     assert mine.observation(4, 8).matrices[1, 2, 2] == 0.016
     aisle = mine.seen_from("aisle").observation(4, 9).share
     assert aisle[:, :, -1] == pytest.approx(1.9)
-    listed = re.findall(r"^\| `([a-z][a-z-]*)` \|", page, re.MULTILINE)
-    assert set(listed) == set(STEREO)
+    methods = page.partition("\n## Methods\n")[2].partition("\n## ")[0]
+    listed = re.findall(r"^\| `([a-z][a-z-]*)` \|", methods, re.MULTILINE)
+    assert set(listed) == {*STEREO, AUTO}
     systems = set(re.findall(r"^\| `(stereo_[a-z_]+)` \|", page, re.MULTILINE))
     assert systems == {name for name in scene.scene_names() if name.startswith("stereo")}
 

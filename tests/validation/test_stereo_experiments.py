@@ -98,7 +98,7 @@ def test_the_region_holds_a_ghost_that_cannot_be_subtracted():
     )
     rows, cols = fig2_fig6_deghosting.uncorrectable(posed)
     assert (rows.stop - rows.start, cols.stop - cols.start) == (18, 32)
-    left = posed.seen(posed.subtractive) - posed.desired
+    left = posed.seen(posed.subtractive) - posed.wanted
     energy = np.sum(left**2, axis=(0, 3))
     assert energy[rows, cols].mean() > 2 * energy.mean()
 

@@ -198,7 +198,7 @@ def _of_dome(case: Case, shown: Light) -> dict[str, float | None]:
 
 
 def _of_pair(case: Case, shown: Light) -> dict[str, float | None]:
-    black = case.plain.screen & (luminance(case.plain.wanted, case.scene) < BLACK)
+    black = case.plain.screen & (luminance(case.plain.desired, case.scene) < BLACK)
     added = luminance(shown - case.subtracted, case.scene)[black]
     return {
         ADDED: float(added.mean()) if black.mean() > 0.01 else None,
