@@ -134,6 +134,8 @@ def saturation_and_hue(master: Light, seen: Light, scene: Scene) -> Colours | No
         dark = screen & (wanted < np.median(wanted[screen]))
         pixels.append([light[view][dark] for light in (master, seen)])
     wanted, shown = (np.concatenate(each) for each in zip(*pixels, strict=True))
+    if not len(wanted):  # all of the master is as dark as its median
+        return None
     return of_colours(wanted, shown, scene.projector.luminance_weights)
 
 

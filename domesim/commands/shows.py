@@ -322,7 +322,7 @@ class Doing:
 def _require_folder(out: Path) -> None:
     """Refuses to make a folder that has the name of a picture or film."""
     suffix = out.suffix.lower()
-    if suffix in (*SUFFIXES, *VIDEOS) and not out.is_dir():
+    if suffix in (*SUFFIXES, *VIDEOS) and not out.exists():
         kind = "film" if suffix in VIDEOS else "picture"
         raise InputError(
             f"--out {out}: wanted a folder for the results, got a {kind}'s name. Name a folder "
