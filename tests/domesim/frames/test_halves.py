@@ -96,4 +96,9 @@ def test_a_screen_is_encoded_of_halves_as_of_floats(
         found.append(out.read_bytes())
         if colour is None:
             np.testing.assert_array_equal(result.frames[0].pixels[~screen], PIXELS[~screen])
+        light = decoded(master, scene) / 4
+        spent, _ = encoded(master, light, scene, screen, spent=True)
+        np.testing.assert_array_equal(spent.frames[0].pixels, result.frames[0].pixels)
+        # Only halves have room there
+        assert np.shares_memory(spent.frames[0].pixels, light) == (colour is None)
     assert found[0] == found[1]
