@@ -74,7 +74,7 @@ def test_no_line_of_help_is_cut_off(
     [
         ("domesim comp", {"compare", "compensate"}),
         ("domesim measure resp", {"response"}),
-        ("domesim observe --outp", {"--output-encoding", "--output-bits"}),
+        ("domesim observe --outp", {"--output-encoding", "--output-bits", "--output-packing"}),
         ("domesim observe a.exr --scene dome_d", {"dome_dark"}),
         ("domesim observe a.exr --scene ./dome_d", set()),  # files are the shell's own matter
     ],

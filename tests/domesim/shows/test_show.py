@@ -20,7 +20,7 @@ SHOWS: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
     ),
     "unknown packing": (
         {"master": "m.exr", "packing": "diagonal"},
-        ("'diagonal'", "side-by-side, top-bottom, multi-view, multi-part"),
+        ("'diagonal'", "side-by-side, top-bottom, side-by-side-half"),
     ),
     "packing of two files": (
         {"left": "l.exr", "right": "r.exr", "packing": "side-by-side"},
