@@ -74,6 +74,10 @@ class Claims:
             with suppress(OSError):
                 (self._folder / frame).unlink()
 
+    def is_taken(self, frame: str) -> bool:
+        """Whether any command, be it gone, has a frame that it did not give back."""
+        return self._holder(frame) is not None
+
     def _holder(self, frame: str) -> str | None:
         """Name of the file of the command that has a frame; None if none has, "" if unreadable."""
         try:

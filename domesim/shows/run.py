@@ -249,11 +249,10 @@ def _each(
     done.seconds["total"] = time.perf_counter() - began
     if report is None or job is None:
         return done
-    with shared.alone(report.page.name) as alone:
+    with shared.alone(report.page.name, console) as alone:
         if alone:
             _finish(orders, job, report, done, running, console, films)
         else:
-            console.say("Another command that works here makes the report")
             done.report = report.page
     kept = f", {done.kept} of them before" if done.kept else ""
     others = sum(frame["settings"] != job.settings for frame in done.frames)
@@ -420,12 +419,17 @@ class _Shared:
             self._claims.tidy(order.output[0].name for order in orders)
 
     @contextmanager
-    def alone(self, what: str) -> Iterator[bool]:
-        """Whether this command makes something of all frames; if not, another one is at it."""
+    def alone(self, what: str, console: Console) -> Iterator[bool]:
+        """Whether this command makes something of all frames; if not, another one has made it."""
         if self._claims is None:
             yield True
             return
         mine = self._claims.take(what)
+        if not mine:
+            console.say("Another command that works here makes the report; waiting for it")
+        while not mine and self._claims.is_taken(what):
+            time.sleep(_LOOK)
+            mine = self._claims.is_taken(what) and self._claims.take(what)  # if it is gone
         try:
             yield mine
         finally:

@@ -10,6 +10,7 @@ import random
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections import Counter
 from pathlib import Path
@@ -137,13 +138,16 @@ def test_one_command_alone_makes_the_report(tmp_path: Path) -> None:
     with clients_of(page.parent) as other:
         theirs = claims_of(page.parent, other)
         assert theirs.take(page.name)
+        at_work = threading.Timer(0.5, theirs.give_back, [page.name])
+        at_work.start()
         done = copied(tmp_path, recipe, 0)
+        at_work.join()
         assert (len(done.frames), done.failed, done.report) == (2, [], page)
         assert not sums.exists()
-        theirs.give_back(page.name)
-        copied(tmp_path, recipe, 0)
-        assert sums.exists()
         assert theirs.take(page.name)
+    copied(tmp_path, recipe, 0)  # the other one is gone
+    assert sums.exists()
+    assert not list((page.parent / FOLDER).iterdir())
 
 
 @pytest.mark.parametrize("killed", [False, True])
