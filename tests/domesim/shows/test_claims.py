@@ -94,7 +94,7 @@ def test_frames_of_a_killed_command_are_done_by_the_other(tmp_path: Path) -> Non
 @pytest.mark.parametrize("count", [2, 4])
 def test_starts_divide_the_frames(tmp_path: Path, count: int) -> None:
     """Of 50 starts it was tried, too: ``STARTS=50 pytest -m long -k starts_divide``."""
-    for start in range(int(os.environ.get("STARTS", "12"))):
+    for start in range(int(os.environ.get("STARTS", "5"))):
         shared(tmp_path / str(start), count, killed=True, seed=start)
 
 
