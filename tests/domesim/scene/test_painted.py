@@ -49,6 +49,16 @@ ROOM = {
     "floor": {"height_m": -1.8, "albedo": [0.3, 0.2, 0.1]},
     "wall": {"albedo": 0.2},
 }
+LAMPS = [
+    {
+        "name": "sign",
+        "position_m": [0, -3, 0],
+        "normal": [0, 1, 1],
+        "width_m": 0.5,
+        "height_m": 0.3,
+        "luminance_cd_m2": 30.0,
+    }
+]
 
 
 def painted(map_, content=BARE, **changes):
@@ -149,6 +159,7 @@ ROOMS = {
         "wall": None,
     },
     "floor alone": {"wall": None},
+    "lit by lamps": {"lamps": LAMPS},
     "glossy": {"screen": {"lobe": {"share": 0.3, "roughness": 0.3}}},
 }
 BY_RADIOSITY = ["recessed floor", *(pytest.param(each, marks=LONG) for each in list(ROOMS)[1:3])]
