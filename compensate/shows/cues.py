@@ -278,7 +278,11 @@ def _key(show: Show, recipe: Looking) -> str:
         with suppress(OSError):  # whoever reads it will say so
             status = path.stat()
             seen.append((path.name, status.st_size, status.st_mtime_ns))
-    content = [recipe.settings(), seen, [str(each) for each in (show.packing, show.colour)]]
+    content = [
+        recipe.settings(),
+        seen,
+        [str(each) for each in (show.packing, show.layer, show.colour)],
+    ]
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 

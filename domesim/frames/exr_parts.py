@@ -116,16 +116,17 @@ def read_several(
     with opened(path) as (reader, form):
         assert isinstance(form, EXR)
         count = reader.spec().get_int_attribute("oiio:subimages", 1)
+        layout = partial(layout_of, grey=True, colour=colour)
         if count > 1:
             specs = [reader.spec(index) for index in range(count)]
             views = tuple(spec.get_string_attribute("view") for spec in specs)
             pictures = _pictures(path, specs, views, layer)
-            layout = partial(layout_of, grey=True, colour=colour)
             return _read_parts(path, reader, form, views, pictures, layout, layer, repair=repair)
         views = stated_views(attributes_of(path, reader.spec(), form))
         if len(views) < 2:
             return None
-        return _read_views(path, reader, form, views, repair=repair, colour=colour)
+        layout = partial(layout, layer=layer)
+        return _read_views(path, reader, form, views, layout, repair=repair)
 
 
 def encoded_several(
@@ -184,9 +185,9 @@ def _read_views(
     reader: Any,
     form: EXR,
     views: tuple[str, ...],
+    layout: Callable[..., Layout],
     *,
     repair: bool,
-    colour: ColourTag | None,
 ) -> tuple[tuple[Frame, ...], MultiView]:
     left, right = _left_and_right(path, views)
     channels = channels_of(path, reader.spec())
@@ -200,10 +201,10 @@ def _read_views(
 
     def read(index: int) -> Frame:
         view = View(views[index], of_view[index])
-        layout = layout_of(path, reader, form, view=view, grey=True, colour=colour)
-        frame = frame_of(path, layout, read_channels(path, reader, layout), repair=repair)
+        found = layout(path, reader, form, view=view)
+        frame = frame_of(path, found, read_channels(path, reader, found), repair=repair)
         # Alone, it is a file of one view, which says so by this attribute.
-        kept = [each for each in layout.header.attributes if each[0] not in ("multiView", "view")]
+        kept = [each for each in found.header.attributes if each[0] not in ("multiView", "view")]
         attributes = (*kept, ("view", "string", views[index]))
         return replace(frame, header=replace(frame.header, attributes=attributes))
 
@@ -282,7 +283,7 @@ def _pictures(
     """Which part has the picture; or left's, and right's."""
     if any(views):
         _left_and_right(path, tuple(dict.fromkeys(view for view in views if view)))
-        return tuple(_picture(path, specs, views, side) for side in ("left", "right"))
+        return tuple(_picture(path, specs, views, side, layer) for side in ("left", "right"))
     names = [spec.get_string_attribute("oiio:subimagename") for spec in specs]
     layers = [layers_of(spec.channelnames) for spec in specs]
     if layer is None:
@@ -301,10 +302,16 @@ def _pictures(
     )
 
 
-def _picture(path: Path, specs: Sequence[Any], views: Sequence[str], side: str) -> int:
-    """Which part has the picture of that side."""
+def _picture(
+    path: Path, specs: Sequence[Any], views: Sequence[str], side: str, layer: str | None
+) -> int:
+    """Which part has the picture, or the layer, of that side."""
     of_side = [index for index, view in enumerate(views) if view.casefold() == side]
     pictures = [index for index in of_side if _has_picture(specs[index].channelnames)]
+    wanted = "channels R, G, B, or Y alone"
+    if layer is not None:
+        pictures = [index for index in of_side if layer in layers_of(specs[index].channelnames)]
+        wanted = f"layer {one_line(layer)!r}"
     if len(pictures) != 1:
         got = "; ".join(
             f"{one_line(specs[index].get_string_attribute('oiio:subimagename'))} with "
@@ -312,7 +319,7 @@ def _picture(path: Path, specs: Sequence[Any], views: Sequence[str], side: str) 
             for index in of_side[:4]
         )
         raise InputError(
-            f"{path}: wanted one part of view {side} with channels R, G, B, or Y alone, "
+            f"{path}: wanted one part of view {side} with {wanted}, "
             f"got {got}. Keep one such part for each view."
         )
     return pictures[0]

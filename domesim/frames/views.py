@@ -304,7 +304,7 @@ def read_master(
         master = _read_pair(*files, read)
     else:
         several = partial(read_several, repair=repair, colour=colour, layer=layer)
-        master = _read_file(files[0], packing, read, several, colour)
+        master = _read_file(files[0], packing, read, several)
         refuse_packing(files, packing, master.packing)
     if len(master.frames) == 2 and master.quilt is None:
         refuse_mistaken_pair(master.frames, allow_identical=allow_identical)
@@ -501,7 +501,6 @@ def _read_file(
     packing: Packing | None,
     read: Callable[..., Frame],
     several: Callable[[Path], tuple[tuple[Frame, ...], SeveralInFile] | None],
-    colour: ColourTag | None,
 ) -> Master:
     with enough_memory(path):
         found = several(path)
@@ -510,7 +509,7 @@ def _read_file(
         views: Packing = "multi-view" if isinstance(file, MultiView) else "multi-part"
         return Master(frames, "single" if len(frames) == 1 else views, file)
     with enough_memory(path):
-        pair = _read_mpo(path, colour, taken=packing == "mpo")
+        pair = _read_mpo(path, read, taken=packing == "mpo")
     if pair is not None:
         return Master(pair, "mpo")
     layout = layout_in(path)
@@ -526,7 +525,7 @@ def _read_file(
     return Master((frame,))
 
 
-def _read_mpo(path: Path, colour: ColourTag | None, *, taken: bool) -> tuple[Frame, ...] | None:
+def _read_mpo(path: Path, read: Callable[..., Frame], *, taken: bool) -> tuple[Frame, ...] | None:
     """Left and right of an MPO, or what is `taken` for one; None if it is none."""
     try:
         with path.open("rb") as file:
@@ -540,17 +539,17 @@ def _read_mpo(path: Path, colour: ColourTag | None, *, taken: bool) -> tuple[Fra
             f"{path}: wanted a JPEG of one picture, or of left and right, got {error}. Copy it "
             "again, or save two of its pictures as two files."
         ) from error
-    return None if views is None else tuple(_read_inner(path, each, colour) for each in views)
+    return None if views is None else tuple(_read_inner(path, each, read) for each in views)
 
 
-def _read_inner(path: Path, content: bytes, colour: ColourTag | None) -> Frame:
+def _read_inner(path: Path, content: bytes, read: Callable[..., Frame]) -> Frame:
     """The frame of a file within `path`."""
     with in_memory() as (memory, name):
         memory.write(content)
         memory.flush()
         place = Path(name)
         try:
-            frame = read_image(place, repair=False, colour=colour)
+            frame = read(place)
         except InputError as error:
             raise InputError(str(error).replace(str(place), str(path))) from error
     return replace(frame, path=path)

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+import OpenEXR
 from command_line import Run
 from pair_films import SCENE, film, three_shots
 
@@ -83,6 +84,31 @@ def test_each_shot_has_one_method_that_is_not_worse(run: Run, tmp_path: Path, ou
     assert again.code == 0
     assert "cues.csv (made before)" in again.out + again.err
     assert "subtractive" in again.out + again.err
+
+
+def test_a_cue_list_is_of_its_layer(run: Run, tmp_path: Path, out: Path) -> None:
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    light = lamps(64).astype(np.float32)
+    for number in (1, 2):
+        for eye, view in zip(("l", "r"), light, strict=True):
+            planes = {
+                f"{layer}{end}": view[..., k] * share
+                for layer, share in (("", 1), ("dim.", 0.1))
+                for k, end in enumerate("RGB")
+            }
+            planes = {
+                name: np.ascontiguousarray(plane, np.float32) for name, plane in planes.items()
+            }
+            OpenEXR.File(dict(header), planes).write(str(tmp_path / f"{eye}.{number}.exr"))
+    masters = ("--left", tmp_path / "l.#.exr", "--right", tmp_path / "r.#.exr")
+    how = ("--scene", SCENE, "--workers", 0, "--out", out, "--method", "auto")
+    first, again, dim = (
+        run("compensate", *masters, *how, *more)
+        for more in ((), ("--anew",), ("--anew", "--layer", "dim"))
+    )
+    assert [each.code for each in (first, again, dim)] == [0, 0, 0], dim
+    reused = ["(made before)" in each.out + each.err for each in (first, again, dim)]
+    assert reused == [False, True, False]
 
 
 def test_what_is_worse_is_said(run: Run, tmp_path: Path, out: Path) -> None:

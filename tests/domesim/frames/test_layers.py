@@ -10,7 +10,7 @@ import pytest
 from command_line import outcome_of
 
 from domesim.errors import InputError
-from domesim.frames import read_master, write_master
+from domesim.frames import Master, read_master, write_master
 
 HEADER = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
 ROWS, COLS = 32, 32
@@ -118,6 +118,52 @@ def test_parts_that_are_not_told_apart_are_named(
     of_parts(tmp_path / "in.exr", a="R,G,B", b="R,G,B")
     with pytest.raises(InputError, match=said):
         read_master([tmp_path / "in.exr"], layer=layer)
+
+
+def stereo(path: Path) -> dict[str, np.ndarray]:
+    """Layers of two views, in one part."""
+    ends = [f"{side}{end}" for side in ("", "right.") for end in "RGB"]
+    channels = planes(*ends, *(f"key.{name}" for name in ("left.R", "left.G", "left.B")))
+    channels |= {f"key.right.{end}": channels[f"right.{end}"] / 3 for end in "RGB"}
+    header = {**HEADER, "multiView": ["left", "right"]}
+    OpenEXR.File(header, dict(channels)).write(str(path))
+    return channels
+
+
+def test_a_layer_of_both_views_is_chosen(tmp_path: Path) -> None:
+    channels = stereo(tmp_path / "in.exr")
+    for layer, names in ((None, ("", "right.")), ("key", ("key.left.", "key.right."))):
+        master = read_master([tmp_path / "in.exr"], layer=layer)
+        for frame, name in zip(master.frames, names, strict=True):
+            np.testing.assert_array_equal(frame.pixels, picture(channels, name))
+    with pytest.raises(InputError, match=r"wanted layer 'rim' of R, G, B, got .*key"):
+        read_master([tmp_path / "in.exr"], layer="rim")
+
+
+def test_a_layer_of_both_views_parts_is_chosen(tmp_path: Path) -> None:
+    sides = {side: planes(*"RGB", "key.R", "key.G", "key.B") for side in ("left", "right")}
+    parts = [
+        OpenEXR.Part({**HEADER, "name": side, "view": side}, dict(each))
+        for side, each in sides.items()
+    ]
+    OpenEXR.File(parts).write(str(tmp_path / "in.exr"))
+    for frame, each in zip(
+        read_master([tmp_path / "in.exr"], layer="key", allow_identical=True).frames,
+        sides.values(),
+        strict=True,
+    ):
+        np.testing.assert_array_equal(frame.pixels, picture(each, "key."))
+    with pytest.raises(InputError, match="wanted one part of view left with layer 'rim'"):
+        read_master([tmp_path / "in.exr"], layer="rim", allow_identical=True)
+
+
+def test_an_mpo_has_no_layers(tmp_path: Path) -> None:
+    layered(tmp_path / "in.exr", "R", "G", "B")
+    frame = read_master([tmp_path / "in.exr"]).frames[0]
+    write_master(Master((frame, frame.with_pixels(frame.pixels / 2)), "mpo"), [tmp_path / "x.mpo"])
+    assert read_master([tmp_path / "x.mpo"]).packing == "mpo"
+    with pytest.raises(InputError, match="wanted layer 'key', got JPEG"):
+        read_master([tmp_path / "x.mpo"], layer="key")
 
 
 def test_what_has_no_layers_is_not_searched_for_one(tmp_path: Path) -> None:
