@@ -81,7 +81,7 @@ class ByArrays:
         self._table = send(coding.table(pixels))
         kept = constants.kept.T[:, :, None, None].astype(np.float32)  # (primary, view, 1, 1)
         self._kept = send(kept) if kept.any() else None
-        curve = coding.curve.encode((np.arange(_PLACES + 2) / _PLACES) ** 4.0)
+        curve = coding.curve_of_each.encode((np.arange(_PLACES + 2) / _PLACES) ** 4.0)
         self._codes = send((curve * (pixels.largest or 1)).astype(np.float32))
         self._noise: Array = send(noise_of(cols)) if dithers and pixels.largest else None
         observation = self._observation = scene.solvable(rows, cols)

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compensate.live.process import HELD
+from domesim.errors import InputError
 from domesim.frames.colour import ColourTag
 from domesim.frames.dithering import dither
 from domesim.light import transfer
@@ -90,6 +91,22 @@ class Coding:
         """The transfer function."""
         return transfer.named(self.colour.transfer, white=self.projector.white)
 
+    @property
+    def curve_of_each(self) -> transfer.Transfer:
+        """The transfer function, which is of each primary by itself.
+
+        Raises
+        ------
+        InputError
+            If it mixes them.
+        """
+        if not self.curve.elementwise:
+            raise InputError(
+                f"{self.colour.source}: wanted a curve of each primary by itself, got "
+                f"{self.colour.named}; use srgb, bt1886, gamma2.2, linear, st2084 or dcdm"
+            )
+        return self.curve
+
     @cached_property
     def mixing(self) -> NDArray[np.float64]:
         """(3, 3) from linear RGB of the codes' primaries to light."""
@@ -110,7 +127,7 @@ class Coding:
         else:
             values = (every / codes.largest).astype(np.float64)
         with np.errstate(all="ignore"):
-            return np.asarray(self.curve.decode(values), np.float32)
+            return np.asarray(self.curve_of_each.decode(values), np.float32)
 
     def decoded(self, samples: NDArray[Any]) -> NDArray[np.float32]:
         """(..., primary) light of samples (..., channel) of a raw frame, not clipped."""

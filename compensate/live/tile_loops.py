@@ -101,7 +101,7 @@ def code_of(
     """Tables of a layout for tiles of `cols` columns in all, for the grade's (view, primary)."""
     places = np.arange(-LEAST_LOG * (1 << 7) + 2, dtype=np.uint32) + _FIRST
     light = (places << _SHIFT).view(np.float32).astype(np.float64)
-    codes = coding.curve.encode(np.maximum(light - 2.0**LEAST_LOG, 0))
+    codes = coding.curve_of_each.encode(np.maximum(light - 2.0**LEAST_LOG, 0))
     table = coding.table(pixels)
     return Code(
         channels=np.uint64(pixels.channels),

@@ -22,6 +22,7 @@ from domesim.frames.formats import SUFFIXES
 from domesim.frames.frame import Header
 from domesim.host.console import Console
 from domesim.host.writing import prepare
+from domesim.light import transfer
 from domesim.measure.patterns import Codes, Pattern
 from domesim.measure.patterns.dome import dome_patterns
 from domesim.measure.patterns.listing import NAME as LIST
@@ -222,7 +223,8 @@ def _codes(name: str, bits: int | None, encoding: str | None) -> tuple[str, Code
     floating = form.is_floating(chosen)
     colour = encoding_named(encoding or ("linear" if floating else "srgb"))
     absolute = colour.transfer in ("dcdm", "st2084")
-    if absolute or colour.primaries in ("XYZ", "ACES AP0", "ACES AP1"):
+    mixed = not transfer.named(colour.transfer, white=1.0).elementwise
+    if absolute or mixed or colour.primaries in ("XYZ", "ACES AP0", "ACES AP1"):
         raise InputError(
             f"--encoding {encoding} is not the projector's own: code 1 of R, G, B must be its full "
             f"primaries; use p3-dci, p3-d65, bt709, srgb, gamma2.6 or linear"

@@ -77,8 +77,9 @@ class Masters:
         typer.Option(
             "--encoding",
             help="What the master's code values are, whatever its files say: "
-            f"{', '.join(ENCODINGS)}; or transfer and primaries, such as st2084:p3-d65; or a space "
-            "of OpenColorIO's configuration in $OCIO, such as ocio:ACEScct.",
+            f"{', '.join(ENCODINGS)}; or hlg400, of a display of 400 cd/m²; or transfer and "
+            "primaries, such as st2084:p3-d65; or a space of OpenColorIO's configuration in $OCIO, "
+            "such as ocio:ACEScct.",
             show_default=False,
         ),
     ] = None

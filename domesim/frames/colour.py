@@ -32,8 +32,9 @@ class ColourTag:
     Attributes
     ----------
     transfer
-        "srgb", "linear", "gamma2.2", "gamma2.4", "gamma2.6", "bt1886", "st2084" or "dcdm"; or a
-        space of OpenColorIO, whose light is in ACES AP0 (`domesim.light.ocio`).
+        "srgb", "linear", "gamma2.2", "gamma2.4", "gamma2.6", "bt1886", "st2084", "dcdm" or
+        "hlg1000", of a display of that peak in cd/m²; or a space of OpenColorIO, whose light is
+        in ACES AP0 (`domesim.light.ocio`).
     primaries
         One of `CHROMATICITIES`, or of colour-science's RGB colour spaces; or eight numbers in
         words: x, y of red, green, blue and white.
@@ -64,6 +65,8 @@ class ColourTag:
         """The tag as a person reads it, without the source: ``sRGB``, ``linear P3-D65``."""
         if self.managed:
             return ocio.spoken(self.transfer)
+        if self.transfer.startswith("hlg"):
+            return f"HLG of a display of {self.transfer.removeprefix('hlg')} cd/m²"
         transfer = TRANSFER_NAMES.get(self.transfer, self.transfer)
         if self.primaries == "BT.709":
             return transfer
@@ -84,6 +87,8 @@ def colour_of_code_points(path: Path, primaries: int, transfer: int, where: str)
     """
     if transfer not in _CICP_TRANSFERS:
         raise unsupported_encoding(path, f"transfer {transfer} of ITU-T H.273")
+    if _CICP_TRANSFERS[transfer] == REFERENCE_HLG and primaries != 9:
+        raise unsupported_encoding(path, f"HLG of primaries {primaries} of ITU-T H.273")
     if primaries not in _CICP_PRIMARIES:
         source = f"file: {where}; primaries assumed, {primaries} is not known"
         return ColourTag(_CICP_TRANSFERS[transfer], "BT.709", source)
@@ -117,6 +122,9 @@ TRANSFER_NAMES = {
     "dcdm": "DCDM",
 }
 
+REFERENCE_HLG = "hlg1000"
+"""Of the display that ITU-R BT.2100 refers to: files tell no other."""
+
 # x, y of red, green, blue and white: ITU-R BT.709-6 and BT.2020-2, SMPTE RP 431-2 (DCI white and
 # D65), SMPTE ST 2065-1 (AP0), ACES TB-2014-004 via AMPAS S-2014-004 (AP1), Adobe RGB (1998), 4.3.1;
 # XYZ with white E.
@@ -145,6 +153,7 @@ _INTEROP_TRANSFERS = {
     "g24": "gamma2.4",
     "g26": "gamma2.6",
     "pq": "st2084",
+    "hlg": REFERENCE_HLG,
 }
 _INTEROP_PRIMARIES = {
     "rec709": "BT.709",
@@ -168,6 +177,7 @@ _CICP_TRANSFERS = {
     15: "bt1886",
     16: "st2084",
     17: "dcdm",
+    18: REFERENCE_HLG,
 }
 _UNSPECIFIED = 2
 _CICP_PRIMARIES = {1: "BT.709", 9: "BT.2020", 10: "XYZ", 11: "P3-DCI", 12: "P3-D65"}
@@ -261,7 +271,7 @@ def chromaticities_of(primaries: str) -> tuple[float, ...] | None:
 
 def unsupported_encoding(path: Path, got: str) -> InputError:
     """Returns the error for an encoding that is not supported."""
-    wanted = ", ".join(TRANSFER_NAMES.values())
+    wanted = ", ".join([*TRANSFER_NAMES.values(), "HLG of BT.2020"])
     return InputError(
         f"{path}: wanted code values that are linear, {wanted}, got {got}. "
         "Convert it first where it was made, or say what it is (--encoding)."
@@ -278,10 +288,11 @@ def is_srgb(colour: ColourTag) -> bool:
 
 def interop_identifier(colour: ColourTag) -> str:
     """The Color Interop identifier that comes nearest."""
-    curve = {"bt1886": "g24", "dcdm": "g26"}.get(colour.transfer)
+    family = "hlg" if colour.transfer.startswith("hlg") else colour.transfer
+    curve = {"bt1886": "g24", "dcdm": "g26", "hlg": "hlg"}.get(family)
     curves = {transfer: name for name, transfer in _INTEROP_TRANSFERS.items()}
     gamuts = {primaries: name for name, primaries in _INTEROP_PRIMARIES.items()}
     # P3-DCI has no identifier; the chromaticities name its white.
     gamut = gamuts.get(colour.primaries, "p3d65")
-    shown = colour.transfer in ("bt1886", "dcdm", "st2084")
+    shown = family in ("bt1886", "dcdm", "st2084", "hlg")
     return f"{curve or curves[colour.transfer]}_{gamut}_{'display' if shown else 'scene'}"

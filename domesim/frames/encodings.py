@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from domesim.errors import InputError
-from domesim.frames.colour import TRANSFER_NAMES, ColourTag, chromaticities_of
-from domesim.light import ocio
+from domesim.frames.colour import REFERENCE_HLG, TRANSFER_NAMES, ColourTag, chromaticities_of
+from domesim.light import ocio, transfer
 
 ENCODINGS = {
     "srgb": ("srgb", "BT.709"),
@@ -19,12 +19,13 @@ ENCODINGS = {
     "p3-dci": ("gamma2.6", "P3-DCI"),
     "dcdm": ("dcdm", "XYZ"),
     "st2084": ("st2084", "BT.2020"),
+    "hlg": (REFERENCE_HLG, "BT.2020"),
     "linear": ("linear", "BT.709"),
     "aces2065-1": ("linear", "ACES AP0"),
     "acescg": ("linear", "ACES AP1"),
 }
 """Name -> transfer and primaries: as they are delivered (P3 with gamma 2.6 to cinemas, SMPTE
-RP 431-2; ST 2084 in BT.2020, ITU-R BT.2100; X'Y'Z', SMPTE ST 428-1)."""
+RP 431-2; ST 2084 and HLG in BT.2020, ITU-R BT.2100; X'Y'Z', SMPTE ST 428-1)."""
 
 _PRIMARIES = {
     "bt709": "BT.709",
@@ -43,10 +44,11 @@ def encoding_named(name: str, option: str = "--encoding") -> ColourTag:
     Parameters
     ----------
     name
-        One of `ENCODINGS`; or a transfer and primaries, ``st2084:p3-d65``, the transfer one of
-        srgb, linear, gamma2.2, gamma2.4, gamma2.6, bt1886, st2084 and dcdm, the primaries also
-        those of any RGB colour space of colour-science, ``linear:ARRI Wide Gamut 3``; or
-        ``ocio:SPACE``, of OpenColorIO's configuration (`domesim.light.ocio`). In any case.
+        One of `ENCODINGS`; or ``hlg400``, of a display of that peak, cd/m²; or a transfer and
+        primaries, ``st2084:p3-d65``, the transfer one of srgb, linear, gamma2.2, gamma2.4,
+        gamma2.6, bt1886, st2084 and dcdm, the primaries also those of any RGB colour space of
+        colour-science, ``linear:ARRI Wide Gamut 3``; or ``ocio:SPACE``, of OpenColorIO's
+        configuration (`domesim.light.ocio`). In any case.
     option
         Name of the option, for messages.
 
@@ -67,6 +69,9 @@ def encoding_named(name: str, option: str = "--encoding") -> ColourTag:
     source = f"{option} {asked}"
     if asked in ENCODINGS:
         return ColourTag(*ENCODINGS[asked], source)
+    if asked.startswith("hlg") and ":" not in asked:
+        transfer.named(asked, white=1.0)  # only BT.2020 has it
+        return ColourTag(asked, "BT.2020", source)
     curve, _, gamut = asked.partition(":")
     if curve in ("linear", *TRANSFER_NAMES) and gamut in _PRIMARIES:
         return ColourTag(curve, _PRIMARIES[gamut], source)

@@ -78,6 +78,7 @@ EYES = ("left", "right")
 _WIDE = 1.3  # width by height of a view that is not squeezed; squeezed 16 : 9 has 0.89
 _HEADER = 1 << 16
 _UNSAID = (0, 2)  # ITU-T H.273: reserved, unspecified
+_HLG = 18  # its TransferCharacteristics for HLG, which is of BT.2020
 _RGB = 0  # its MatrixCoefficients for R, G, B
 _LIMITED, _FULL = 1, 2  # FFmpeg's color_range
 _SAMPLE = 8  # frames that are asked whether they have checksums
@@ -780,7 +781,8 @@ def _stated_colour(video: Path, tags: _Tags) -> ColourTag:
         for name, value in (("primaries", tags.primaries), ("transfer", tags.transfer))
         if value in _UNSAID
     ]
-    primaries = 1 if tags.primaries in _UNSAID else tags.primaries
+    usual = 9 if tags.transfer == _HLG else 1
+    primaries = usual if tags.primaries in _UNSAID else tags.primaries
     transfer = 1 if tags.transfer in _UNSAID else tags.transfer
     tag = colour_of_code_points(video, primaries, transfer, "stream's tags")
     if len(unsaid) == 2:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import ClassVar, final
@@ -160,6 +161,66 @@ _ST2084 = (2610 / 16384, 2523 / 4096 * 128, 3424 / 4096, 2413 / 4096 * 32, 2392 
 
 @final
 @dataclass(frozen=True)
+class HLG(Transfer):
+    """Hybrid Log-Gamma, ITU-R BT.2100-3, table 5: code values (..., RGB) of BT.2020's primaries.
+
+    Light 1.0 is the peak of the display that the picture was made on: L = Y_S^(gamma - 1) E, with
+    Y_S the luminance of the scene's light E that the curve gives.
+
+    Parameters
+    ----------
+    peak
+        Luminance of that display's white, cd/m². Note 5f's gamma follows from it.
+    """
+
+    peak: float
+
+    elementwise = False
+
+    @property
+    def gamma(self) -> float:
+        """Of the system: 1.2 for 1000 cd/m²."""
+        if 400 <= self.peak <= 2000:
+            return float(1.2 + 0.42 * np.log10(self.peak / 1000))
+        return float(1.2 * 1.111 ** np.log2(self.peak / 1000))
+
+    def decode(self, code: Floats) -> Floats:
+        """Linear light (..., RGB) of that display."""
+        code = np.asarray(code)
+        scene = _odd(self._decode, code.astype(np.float64, copy=False))
+        return np.asarray(scene * self._system(scene, self.gamma - 1), code.dtype)
+
+    def encode(self, light: Floats) -> Floats:
+        """Code values (..., RGB) of that light."""
+        light = np.asarray(light)
+        shown = light.astype(np.float64, copy=False)
+        scene = shown * self._system(shown, 1 / self.gamma - 1)
+        return np.asarray(_odd(self._encode, scene), light.dtype)
+
+    def _decode(self, code: Floats) -> Floats:
+        a, b, c = _HLG
+        return np.where(code <= 0.5, code**2 / 3, (np.exp((code - c) / a) + b) / 12)
+
+    def _encode(self, light: Floats) -> Floats:
+        a, b, c = _HLG
+        logarithm = a * np.log(np.maximum(12 * light, 1) - b) + c
+        return np.where(light <= 1 / 12, np.sqrt(3 * light), logarithm)
+
+    @staticmethod
+    def _system(light: Floats, exponent: float) -> Floats:
+        """(..., 1) the luminance of light to a power; 1 where there is none."""
+        luminance = np.maximum(light, 0) @ _BT2020_LUMINANCE
+        power = np.ones_like(luminance)
+        np.power(luminance, exponent, out=power, where=luminance > 0)
+        return np.asarray(power[..., None])
+
+
+_HLG = (0.17883277, 0.28466892, 0.55991073)
+_BT2020_LUMINANCE = np.array([0.2627, 0.6780, 0.0593])
+
+
+@final
+@dataclass(frozen=True)
 class DCDM(Transfer):
     """The Digital Cinema Distribution Master's X'Y'Z' curve: L = 52.37 cd/m² x code^2.6.
 
@@ -259,6 +320,8 @@ class Managed(Transfer):
         As `domesim.light.ocio.called` has it.
     """
 
+    elementwise = False
+
     name: str
 
     def decode(self, code: Floats) -> Floats:
@@ -282,8 +345,9 @@ def named(name: str, *, white: float) -> Transfer:
     Parameters
     ----------
     name
-        ``linear``, ``srgb``, ``bt1886``, ``gamma2.2`` (any exponent), ``st2084`` or ``dcdm``; or a
-        space of OpenColorIO (`domesim.light.ocio.called`).
+        ``linear``, ``srgb``, ``bt1886``, ``gamma2.2`` (any exponent), ``st2084``, ``dcdm`` or
+        ``hlg1000`` (any peak of a display, cd/m²); or a space of OpenColorIO
+        (`domesim.light.ocio.called`).
     white
         Luminance of projector white, cd/m² (absolute curves need it).
 
@@ -299,13 +363,11 @@ def named(name: str, *, white: float) -> Transfer:
     """
     if name.startswith(ocio.PREFIX):
         return Managed(name)
-    if name.startswith("gamma"):
-        try:
-            exponent = float(name.removeprefix("gamma"))
-        except ValueError:
-            exponent = 0.0
-        if 1 <= exponent <= 4:
-            return Gamma(exponent)
+    for family, least, most in ((Gamma, 1, 4), (HLG, 4, 10_000)):
+        with suppress(ValueError):
+            number = float(name.removeprefix(family.__name__.lower()))
+            if name.startswith(family.__name__.lower()) and least <= number <= most:
+                return family(number)
     curves: dict[str, Transfer] = {
         "linear": Linear(),
         "srgb": SRGB(),
@@ -316,6 +378,6 @@ def named(name: str, *, white: float) -> Transfer:
     if name not in curves:
         raise InputError(
             f"transfer {name!r} is not known; use one of {', '.join(curves)}, or gamma2.2 "
-            f"(any exponent from 1 to 4)"
+            f"(any exponent from 1 to 4), or hlg1000 (any peak from 4 to 10000 cd/m²)"
         )
     return curves[name]

@@ -50,9 +50,14 @@ class Votes:
         return Votes(self.behind + other.behind, self.count + other.count)
 
     @property
+    def enough(self) -> bool:
+        """Whether they are enough to say something."""
+        return self.count >= ENOUGH
+
+    @property
     def exchanged(self) -> bool:
         """Whether left and right look exchanged; False where too few strips say it."""
-        return self.count >= ENOUGH and self.behind < EXCHANGED * self.count
+        return self.enough and self.behind < EXCHANGED * self.count
 
 
 def votes_of(left: Floats, right: Floats) -> Votes:

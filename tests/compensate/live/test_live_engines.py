@@ -94,6 +94,16 @@ def test_half_precision_by_its_bits():
     assert np.isnan(table[np.array([np.nan, np.inf], "<f2").view("<u2")]).all()
 
 
+def test_hlg_has_no_curve_of_each_primary():
+    """Its OOTF goes by luminance: neither tables nor shaders have it."""
+    scene = load_scene("dome_imax")
+    coding = Coding(scene.projector, encoding_named("hlg"))
+    with pytest.raises(InputError, match="--encoding hlg: wanted a curve of each primary"):
+        coding.table(PIXEL_FORMATS["rgb48le"])
+    with pytest.raises(InputError, match="no shader knows this curve"):
+        shader_of(scene, 64, 64, encoding_named("hlg"))
+
+
 def test_plain_frames_are_what_the_master_path_makes():
     """The library's own engine keeps what is off the screen, and alpha."""
     scene = load_scene("dome_imax")

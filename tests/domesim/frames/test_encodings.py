@@ -33,7 +33,7 @@ def test_each_name_can_be_decoded(name: str) -> None:
     colour = encoding_named(name.upper())
     assert colour.source == f"--encoding {name}"
     require_primaries(colour.primaries)
-    assert named(colour.transfer, white=48).decode(np.array([0.0, 1.0]))[0] == 0
+    assert not named(colour.transfer, white=48).decode(np.zeros(3)).any()
 
 
 @pytest.mark.parametrize(
@@ -43,6 +43,8 @@ def test_each_name_can_be_decoded(name: str) -> None:
         ("GAMMA2.4:bt2020", "gamma2.4", "BT.2020"),
         ("linear:xyz", "linear", "XYZ"),
         ("bt1886:p3-dci", "bt1886", "P3-DCI"),
+        ("HLG", "hlg1000", "BT.2020"),
+        ("hlg48", "hlg48", "BT.2020"),
     ],
 )
 def test_transfer_and_primaries_can_be_named_apart(
@@ -52,7 +54,9 @@ def test_transfer_and_primaries_can_be_named_apart(
     assert primaries in PRIMARIES
 
 
-@pytest.mark.parametrize("name", ["", "rec709", "srgb:", ":bt709", "srgb:bt601", "p3-d65:bt709"])
+@pytest.mark.parametrize(
+    "name", ["", "rec709", "srgb:", ":bt709", "srgb:bt601", "p3-d65:bt709", "hlg:bt709"]
+)
 def test_a_name_that_there_is_not_lists_those_that_there_are(name: str) -> None:
     with pytest.raises(InputError) as caught:
         encoding_named(name)
@@ -65,7 +69,7 @@ def test_a_name_that_there_is_not_lists_those_that_there_are(name: str) -> None:
 @pytest.mark.parametrize(
     "name",
     [
-        *("dcdm", "st2084", "acescg", "bt709", "srgb", "gamma2.2"),
+        *("dcdm", "st2084", "hlg", "acescg", "bt709", "srgb", "gamma2.2"),
         *("srgb:p3-d65", "gamma2.4:p3-d65", "gamma2.6:p3-d65", "gamma2.6:p3-dci"),
     ],
 )
@@ -99,6 +103,15 @@ def test_what_is_written_says_so_where_it_can(tmp_path: Path, suffix: str, name:
         colorimetric = stored(tmp_path / "out.dpx")[1]["dpx:Colorimetric"]
         assert (colorimetric == "ITU-R 709-4") == (colour.primaries == "BT.709")
     assert (unsaid(read_frame(tmp_path / f"out.{suffix}", colour=colour)) == "") == can
+
+
+@pytest.mark.parametrize("suffix", ["exr", "png"])
+def test_no_file_can_say_another_peak_of_hlg(tmp_path: Path, suffix: str) -> None:
+    colour = encoding_named("hlg400")
+    path = store(tmp_path / f"in.{suffix}", texture(KINDS[suffix]))
+    write_frame(read_frame(path, colour=colour), tmp_path / f"out.{suffix}")
+    told = unsaid(read_frame(tmp_path / f"out.{suffix}", colour=colour))
+    assert told.startswith("HLG of a display of 400 cd/m², which the file cannot say: it reads as ")
 
 
 def test_what_cannot_be_said_is_told(tmp_path: Path) -> None:

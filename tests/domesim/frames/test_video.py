@@ -219,6 +219,7 @@ TAGS = {
     "BT.709": ((1, 1, 1), "bt1886", "BT.709"),
     "BT.2020": ((9, 14, 9), "bt1886", "BT.2020"),
     "ST 2084": ((9, 16, 9), "st2084", "BT.2020"),
+    "HLG": ((9, 18, 9), "hlg1000", "BT.2020"),
     "sRGB": ((1, 13, 1), "srgb", "BT.709"),
     "P3-D65": ((12, 1, 1), "bt1886", "P3-D65"),
 }
@@ -259,6 +260,15 @@ def test_what_is_not_said_is_assumed_and_said_so(tmp_path: Path) -> None:
     colour = read_frame(untagged(tmp_path, primaries=9)).colour
     assert (colour.transfer, colour.primaries) == ("bt1886", "BT.2020")
     assert "transfer assumed; BT.2020 matrix assumed" in colour.source
+    colour = read_frame(untagged(tmp_path, transfer=18)).colour
+    assert (colour.transfer, colour.primaries) == ("hlg1000", "BT.2020")
+    assert "primaries assumed; BT.2020 matrix assumed" in colour.source
+
+
+def test_hlg_of_other_primaries_is_refused(tmp_path: Path) -> None:
+    """Its OOTF is of BT.2020's luminance (ITU-R BT.2100)."""
+    with pytest.raises(InputError, match="HLG of primaries 12"):
+        read_frame(untagged(tmp_path, primaries=12, transfer=18))
 
 
 def test_encoding_overrides_what_the_stream_says(tmp_path: Path) -> None:

@@ -8,7 +8,17 @@ import numpy as np
 import pytest
 
 from domesim.errors import InputError
-from domesim.light.transfer import DCDM, SRGB, ST2084, Gamma, Linear, MeasuredTable, Transfer, named
+from domesim.light.transfer import (
+    DCDM,
+    HLG,
+    SRGB,
+    ST2084,
+    Gamma,
+    Linear,
+    MeasuredTable,
+    Transfer,
+    named,
+)
 
 LEVELS = np.linspace(0, 1, 30)
 TABLE = MeasuredTable(LEVELS, np.stack([LEVELS**2.1, LEVELS**2.4, LEVELS**2.7], -1))
@@ -21,6 +31,8 @@ CURVES = [
     ST2084(48.0),
     ST2084(1000.0),
     DCDM(),
+    HLG(1000.0),
+    HLG(48.0),
     TABLE,
 ]
 
@@ -55,6 +67,34 @@ def test_curves_agree_with_colour_science(colour):
     assert DCDM().decode(code) * 48 == pytest.approx(cinema, rel=1e-9)
 
 
+@pytest.mark.parametrize("peak", [400.0, 1000.0, 2000.0])
+def test_hlg_agrees_with_colour_science(colour, peak):
+    """Of colours, not of greys alone: the OOTF goes by their luminance."""
+    codes = np.random.default_rng(3).random((500, 3))
+    codes[:2] = [[1, 1, 1], [0, 0.5, 0]]
+    shown = colour.models.eotf_BT2100_HLG(codes, L_B=0, L_W=peak, method="ITU-R BT.2100-2")
+    np.testing.assert_allclose(HLG(peak).decode(codes) * peak, shown, rtol=1e-6, atol=1e-9 * peak)
+    with np.errstate(invalid="ignore"):  # of the branch that it does not take
+        back = colour.models.eotf_inverse_BT2100_HLG(shown, 0, peak, method="ITU-R BT.2100-2")
+    np.testing.assert_allclose(HLG(peak).encode(shown / peak), back, atol=1e-6)
+
+
+def test_hlg_of_dim_displays_has_the_gamma_of_the_extended_range():
+    """ITU-R BT.2100-3, note 5f; both formulas agree at 1000 cd/m2."""
+    assert HLG(1000.0).gamma == pytest.approx(1.2)
+    assert HLG(125.0).gamma == pytest.approx(1.2 / 1.111**3)
+    assert HLG(4000.0).gamma == pytest.approx(1.2 * 1.111**2)
+    # BT.2408-7, table 1: reference white has code 0.75, and 203 cd/m2
+    assert HLG(1000.0).decode(np.full(3, 0.75)) * 1000 == pytest.approx(203, abs=0.5)
+
+
+def test_what_no_display_shows_of_hlg_is_odd_and_counts_for_nothing():
+    codes = HLG(1000.0).encode(np.array([[0.5, -0.1, 0.0], [0.0, 0.0, 0.0]]))
+    assert codes[0, 1] < 0
+    np.testing.assert_allclose(HLG(1000.0).decode(codes)[0, 0], 0.5, rtol=1e-9)
+    assert np.array_equal(codes[1], np.zeros(3))
+
+
 def test_known_points():
     assert DCDM().encode(np.array(1.0)) == pytest.approx((48 / 52.37) ** (1 / 2.6))
     assert ST2084(100.0).encode(np.array(1.0)) == pytest.approx(0.508078, abs=1e-6)  # BT.2408
@@ -85,12 +125,16 @@ def test_an_impossible_measurement_is_refused(light, message):
         MeasuredTable(np.linspace(0, 1, 4), np.array(light)[:, None])
 
 
-@pytest.mark.parametrize("name", ["linear", "srgb", "bt1886", "gamma2.35", "st2084", "dcdm"])
+@pytest.mark.parametrize(
+    "name", ["linear", "srgb", "bt1886", "gamma2.35", "st2084", "dcdm", "hlg400"]
+)
 def test_curves_are_found_by_name(name):
-    assert named(name, white=48).decode(np.array([0.0])) == 0
+    assert not named(name, white=48).decode(np.zeros(3)).any()
 
 
-@pytest.mark.parametrize("name", ["log", "gamma", "gamma0", "gammax", "gamma9", ""])
+@pytest.mark.parametrize(
+    "name", ["log", "gamma", "gamma0", "gammax", "gamma9", "", "hlg", "hlg2", "hlgx", "hlgnan"]
+)
 def test_an_unknown_name_is_refused(name):
     with pytest.raises(InputError, match="use one of"):
         named(name, white=48)

@@ -283,6 +283,7 @@ def test_left_is_left(run, tmp_path):
         (["--dome", "--encoding", "dcdm"], "projector's own"),
         (["--dome", "--encoding", "st2084"], "projector's own"),
         (["--dome", "--encoding", "acescg"], "projector's own"),
+        (["--dome", "--encoding", "hlg"], "projector's own"),
         (["--stereo", "--scene", "dome_imax"], "--dome"),
         (["--dome", "--scene", "stereo_shutter"], "wanted a dome theatre"),
     ],
