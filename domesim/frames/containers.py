@@ -13,6 +13,7 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any, BinaryIO
 
+from domesim.errors import InputError
 from domesim.frames.yuv import SITINGS
 from domesim.host.files import open_plain
 
@@ -25,6 +26,23 @@ _CLAP = re.compile(rb"\0\0\0\x28clap(.{32})", re.DOTALL)  # a box of that size a
 
 Crop = tuple[int, int, int, int]
 """Pixels on the left, top, right and bottom that are not shown."""
+
+
+def pyav(video: Path) -> Any:
+    """The library that `video` needs.
+
+    Raises
+    ------
+    InputError
+        If it is not installed.
+    """
+    try:
+        import av  # noqa: PLC0415
+    except ImportError:
+        raise InputError(
+            f"{video}: videos and AVIF need the extra 'video': pip install 'domesim[video]'"
+        ) from None
+    return av
 
 
 def cropping_of(video: Path, cols: int, rows: int) -> Crop:

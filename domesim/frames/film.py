@@ -17,13 +17,14 @@ from numpy.typing import NDArray
 
 from domesim.errors import InputError, reason
 from domesim.frames.colour import ColourTag, code_points_of
+from domesim.frames.containers import pyav
 from domesim.frames.dithering import dither, seed_of
 from domesim.frames.eyes import stereo_mode
 from domesim.frames.frame import Frame
 from domesim.frames.messages import one_line
 from domesim.frames.sound import Sound
 from domesim.frames.timing import Timing
-from domesim.frames.video import frame_paths, pyav
+from domesim.frames.video import frame_paths
 from domesim.frames.yuv import limited_codes
 from domesim.host.writing import written_to
 

@@ -246,8 +246,6 @@ def _open_at(path: Path, name: str, form: Format | None) -> Any:
 
 _RAW = (b"IIRO", b"IIRS", b"MMOR", b"IIU\0", b"FUJIFILMCCD-RAW", b"FOVb", b"\0MRM")
 """First bytes of Olympus', Panasonic's, Fujifilm's, Sigma's and Minolta's raw files."""
-_STILLS = (b"heic", b"heix", b"heim", b"heis", b"mif1", b"avif")
-"""Brands of pictures in the container of MP4 (ISO/IEC 23008-12, 10.2; AV1 Image File Format, 4)."""
 
 
 def _refuse_video(path: Path) -> None:
@@ -256,11 +254,6 @@ def _refuse_video(path: Path) -> None:
         start = file.read(START)
     if start.startswith(_RAW) or start[4:12] == b"ftypcrx ":
         raise camera_raw(path)
-    if start[4:8] == b"ftyp" and start[8:12] in _STILLS:
-        raise InputError(
-            f"{path}: wanted {LABELS}, got HEIF or AVIF. Save it as PNG, JPEG or TIFF with its "
-            "colours' profile where it was made."
-        )
     container = container_of(start)
     if container is not None:
         raise other_container(path, container)

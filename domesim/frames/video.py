@@ -38,7 +38,7 @@ from domesim.advice import ADVICE
 from domesim.errors import InputError, reason
 from domesim.frames.alpha import shown_over_black
 from domesim.frames.colour import ColourTag, colour_of_code_points
-from domesim.frames.containers import cropping_of, lacks_index, siting_of
+from domesim.frames.containers import cropping_of, lacks_index, pyav, siting_of
 from domesim.frames.eyes import Eyes, of_video
 from domesim.frames.ffv1 import is_whole
 from domesim.frames.frame import Frame, Header
@@ -91,23 +91,6 @@ _CINEMA_COLOUR = ColourTag("dcdm", "XYZ", "file: digital-cinema profile")
 
 Stream: TypeAlias = Any
 """PyAV's, which is imported late."""
-
-
-def pyav(video: Path) -> Any:
-    """The library that `video` needs.
-
-    Raises
-    ------
-    InputError
-        If it is not installed.
-    """
-    try:
-        import av  # noqa: PLC0415
-    except ImportError:
-        raise InputError(
-            f"{video}: videos need the extra 'video': pip install 'domesim[video]'"
-        ) from None
-    return av
 
 
 def is_video(path: Path) -> bool:

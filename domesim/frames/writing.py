@@ -92,7 +92,7 @@ def target_of(frame: Frame, path: Path, bits: int | None) -> Target:
     if form is None:
         raise InputError(
             f"{path}: wanted a name that ends in {', '.join(SUFFIXES)}, "
-            f"got '{path.suffix}'. Choose one of these."
+            f"got '{path.suffix}'. Choose one of these (--format png)."
         )
     if bits is not None and bits not in form.depths:
         depths = ", ".join(str(depth) for depth in form.depths)

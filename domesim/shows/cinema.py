@@ -19,9 +19,10 @@ from pathlib import Path
 from typing import Any, final
 
 from domesim.errors import InputError
+from domesim.frames.containers import pyav
 from domesim.frames.encodings import encoding_named
 from domesim.frames.messages import one_line
-from domesim.frames.video import frame_paths, pyav
+from domesim.frames.video import frame_paths
 from domesim.host.console import Console
 from domesim.host.writing import written_to
 from domesim.shows.film import (

@@ -20,9 +20,10 @@ from typing import Any, final
 from domesim.errors import InputError
 from domesim.frames import ColourTag, Frame, read_frame
 from domesim.frames.colour import is_sayable
+from domesim.frames.containers import pyav
 from domesim.frames.film import FILMS, FilmFormat, write_film
 from domesim.frames.timing import RATES, Timing, exact_rate, timing_of
-from domesim.frames.video import pyav, video_of
+from domesim.frames.video import video_of
 from domesim.host.console import Console
 from domesim.host.writing import note_written
 from domesim.shows.checksums import sha256

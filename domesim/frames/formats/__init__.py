@@ -5,6 +5,7 @@ from domesim.frames.formats.bmp import BMP
 from domesim.frames.formats.dpx import DPX
 from domesim.frames.formats.exr import EXR
 from domesim.frames.formats.hdr import HDR
+from domesim.frames.formats.heif import HEIF
 from domesim.frames.formats.jpeg import JPEG
 from domesim.frames.formats.jpeg2000 import JPEG2000
 from domesim.frames.formats.jpegxl import JPEGXL
@@ -24,6 +25,7 @@ FORMATS: dict[str, Format] = {
         # do not (and one, "null", that makes images up), hence a list.
         BMP("bmp", "BMP", unassociated=True),
         HDR("hdr", "HDR"),
+        HEIF("heif", "HEIF"),
         Plain("iff", "IFF"),
         JPEGXL("jpegxl", "JPEG XL"),
         Plain("pnm", "PNM"),

@@ -429,7 +429,7 @@ def test_the_extra_is_asked_for_in_one_line(film: Path, monkeypatch: pytest.Monk
     monkeypatch.setitem(sys.modules, "av", None)
     film.touch()  # what is known of it is forgotten
     assert refusal(film).endswith(
-        "film.mkv: videos need the extra 'video': pip install 'domesim[video]'"
+        "film.mkv: videos and AVIF need the extra 'video': pip install 'domesim[video]'"
     )
 
 
