@@ -641,7 +641,8 @@ def refuse_several_images(path: Path, reader: Any) -> None:
     # FFmpeg's image2pipe makes one file of all frames; OpenImageIO reads the first.
     piped = reader.format_name() == "pnm" and spec.get_int_attribute("pnm:binary")
     several = piped and path.stat().st_size >= 2 * spec.image_bytes(True)
-    several = several or bool(reader.seek_subimage(1, 0))
+    layered = FORMATS[reader.format_name()].layered
+    several = several or (not layered and bool(reader.seek_subimage(1, 0)))
     problem_of(reader)
     if several:
         specs = [*_parts(reader)]

@@ -10,6 +10,7 @@ from domesim.frames.formats.jpeg import JPEG
 from domesim.frames.formats.jpeg2000 import JPEG2000
 from domesim.frames.formats.jpegxl import JPEGXL
 from domesim.frames.formats.png import PNG
+from domesim.frames.formats.psd import PSD
 from domesim.frames.formats.tiff import TIFF
 
 FORMATS: dict[str, Format] = {
@@ -29,6 +30,7 @@ FORMATS: dict[str, Format] = {
         Plain("iff", "IFF"),
         JPEGXL("jpegxl", "JPEG XL"),
         Plain("pnm", "PNM"),
+        PSD("psd", "PSD"),
         Plain("rla", "RLA"),
         Plain("sgi", "SGI"),
         Plain("targa", "TGA"),

@@ -58,6 +58,7 @@ class Format:
     shaped: ClassVar[bool] = False  # its pixel aspect is meant: others tell how densely to print
     largest_ratio: ClassVar[float] = np.inf
     """Decoded bytes a byte of file. zlib reaches 1032; flat JPEGs stay below it."""
+    layered: ClassVar[bool] = False  # its other images are layers of the first
     exif: ClassVar[bool] = False  # by which it says "sRGB"; of others it can merely not say it
     storage: ClassVar[tuple[str, ...]] = ()  # attributes of how it is stored: regular expressions
     kept: ClassVar[tuple[str, ...] | None] = None
