@@ -20,8 +20,7 @@ _MODES = {0: "a bitmap", 2: "indexed colours", 4: "CMYK", 7: "several inks", 8: 
 _VERSION = 1057  # the resource that says whether the flattened picture is one
 _LARGE = 2  # the header's version of a PSB
 _TRANSPARENT = (b"Mtrn", b"Mt16", b"Mt32")
-_WIDE = (b"LMsk", b"Lr16", b"Lr32", b"Layr", b"Mt16", b"Mt32", b"Mtrn", b"Alph", b"FMsk", b"lnk2")
-_WIDE += (b"FEid", b"FXid", b"PxSD")
+_WIDE = (b"LMsk", b"Lr16", b"Lr32", b"Layr", b"Alph", b"FMsk", b"lnk2", b"FEid", *_TRANSPARENT)
 """Blocks whose sizes have eight bytes in a PSB."""
 
 
