@@ -31,6 +31,7 @@ QUICK = {
     "compensate": ("in.png", *DOME, "--out", "to"),
     "compensate of a sequence": ("in.#.png", *DOME, "--format", "mkv", "--out", "to"),
     "observe": (*EYES, *STEREO, "--out", "to"),
+    "domemaster": ("around.png", "--from", "equirectangular", "--out", "to"),
     "predict": ("in.#.png", *DOME, "--workers", "0", "--out", "to"),
     "compare": ("in.png", *DOME, "--out", "to/page.html"),
     "shader": (*DOME, "--size", "64x64", "--out", "to/a.glsl"),
@@ -88,6 +89,10 @@ def inputs(tmp_path: Path, run: Callable[..., Outcome], monkeypatch: pytest.Monk
     pixels[10:14, 10:14] = 0.9
     for name in ("in.png", "in.1.png", "in.2.png"):
         write_frame(Frame(pixels, tmp_path / name, SRGB, 8, floating=False), tmp_path / name)
+    wide = np.tile(pixels, (1, 2, 1))
+    write_frame(
+        Frame(wide, tmp_path / "around.png", SRGB, 8, floating=False), tmp_path / "around.png"
+    )
     for name, at in (("L.png", 3), ("R.png", 7)):
         pixels = np.full((12, 20, 3), 0.1, np.float32)
         pixels[:, at : at + 4] = 0.8

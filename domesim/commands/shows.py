@@ -26,6 +26,18 @@ from domesim.shows.work import Recipe, Writing
 
 TPDF = "tpdf"
 
+Encoding = Annotated[
+    str | None,
+    typer.Option(
+        "--encoding",
+        help="What the master's code values are, whatever its files say: "
+        f"{', '.join(ENCODINGS)}; or hlg400, of a display of 400 cd/m²; or transfer and "
+        "primaries, such as st2084:p3-d65; or a space of OpenColorIO's configuration in $OCIO, "
+        "such as ocio:ACEScct.",
+        show_default=False,
+    ),
+]
+
 
 @final
 @dataclass(frozen=True)
@@ -72,17 +84,7 @@ class Masters:
             show_default=False,
         ),
     ] = None
-    encoding: Annotated[
-        str | None,
-        typer.Option(
-            "--encoding",
-            help="What the master's code values are, whatever its files say: "
-            f"{', '.join(ENCODINGS)}; or hlg400, of a display of 400 cd/m²; or transfer and "
-            "primaries, such as st2084:p3-d65; or a space of OpenColorIO's configuration in $OCIO, "
-            "such as ocio:ACEScct.",
-            show_default=False,
-        ),
-    ] = None
+    encoding: Encoding = None
     checksums: Annotated[
         Path | None,
         typer.Option(

@@ -15,6 +15,10 @@ SQUARE = 0.01
 """Largest relative difference of a pixel's sides: files state ratios in few digits."""
 
 
+EQUIRECTANGULAR = "equirectangular"
+"""The projection of panoramas that a domemaster is made of."""
+
+
 class DamagedError(ValueError):
     """A part of a file is missing or wrong; says what was got."""
 
@@ -26,9 +30,10 @@ def damaged(path: Path, label: str, got: str) -> InputError:
 
 def projected(path: Path, projection: str) -> InputError:
     """The error for a picture that says that it is a panorama."""
+    way = " (domesim domemaster --from equirectangular)" if projection == EQUIRECTANGULAR else ""
     return InputError(
         f"{path}: wanted a picture as it is projected, got one that says it is {projection}. Make "
-        "a domemaster of it first."
+        f"a domemaster of it first{way}."
     )
 
 

@@ -80,8 +80,9 @@ def read_image(
     halves: bool = False,
     colour: ColourTag | None = None,
     layer: str | None = None,
+    projection: str = "",
 ) -> Frame:
-    """`read_frame`, of a `layer` of an EXR.
+    """`read_frame`, of a `layer` of an EXR; or a panorama of that `projection`.
 
     With `grey`, an EXR whose only picture is a channel Y is R = G = B = Y.
     With `signed`, negative samples are no damage: a camera's black level is subtracted from noise.
@@ -90,8 +91,8 @@ def read_image(
     with enough_memory(path):
         if video_of(path) is not None:
             refuse_layer(path, layer, "a video")
-            return read_video_frame(path, colour=colour)
-        with opened(path) as (reader, form):
+            return read_video_frame(path, colour=colour, projection=projection)
+        with opened(path, projection=projection) as (reader, form):
             if form.channels == "any":  # its picture may not be the first part
                 refuse_several_images(path, reader)
             layout = layout_of(path, reader, form, grey=grey, colour=colour, layer=layer)
@@ -135,7 +136,9 @@ def use_threads(count: int) -> None:
 
 
 @contextmanager
-def opened(path: Path, *, header: bool = False) -> Iterator[tuple[Any, Format]]:
+def opened(
+    path: Path, *, header: bool = False, projection: str = ""
+) -> Iterator[tuple[Any, Format]]:
     """OpenImageIO's reader of the file, or of what is stored anew of it; and its format.
 
     If only its header is asked for, the samples may be damaged.
@@ -145,7 +148,7 @@ def opened(path: Path, *, header: bool = False) -> Iterator[tuple[Any, Format]]:
     InputError
         If there is none, or not all of it, or it is of no known format.
     """
-    form = _examined(path, header=header)
+    form = _examined(path, projection, header=header)
     reader = _reader_of(path, form)
     try:
         name = reader.format_name()
@@ -157,7 +160,7 @@ def opened(path: Path, *, header: bool = False) -> Iterator[tuple[Any, Format]]:
         reader.close()
 
 
-def _examined(path: Path, *, header: bool = False) -> Format | None:
+def _examined(path: Path, projection: str, *, header: bool) -> Format | None:
     """The format that a file's first bytes tell, with what it says; None if they tell none."""
     try:
         if path.is_dir():
@@ -173,7 +176,7 @@ def _examined(path: Path, *, header: bool = False) -> Format | None:
                     f"{path}: wanted an image, got an empty file. Copy or render it again."
                 )
             file.seek(0)
-            _refuse_projection(path, file)
+            _refuse_projection(path, file, projection)
             form = next((each for each in FORMATS.values() if start.startswith(each.starts)), None)
             return None if form is None else _described_by_file(path, form, file, header=header)
     except OSError as error:
@@ -186,14 +189,15 @@ _ENDS = 1 << 18  # bytes in which XMP is looked for
 _PROJECTION = re.compile(rb"GPano:ProjectionType\s*(?:=\s*[\"']|>)\s*(\w+)")
 
 
-def _refuse_projection(path: Path, file: BinaryIO) -> None:
-    """Refuse a panorama that says so (Google's GPano, in XMP)."""
+def _refuse_projection(path: Path, file: BinaryIO, wanted: str) -> None:
+    """Refuse a panorama that says so (Google's GPano, in XMP), unless it is `wanted`."""
     ends = file.read(_ENDS)
     file.seek(max(file.tell(), file.seek(0, os.SEEK_END) - _ENDS))
     said = _PROJECTION.search(ends + file.read())
     file.seek(0)
-    if said is not None and said[1].lower() != b"fisheye":
-        raise projected(path, one_line(said[1].decode("latin-1")))
+    name = "" if said is None else one_line(said[1].decode("latin-1")).lower()
+    if name not in ("", "fisheye", wanted):
+        raise projected(path, name)
 
 
 def _described_by_file(path: Path, form: Format, file: BinaryIO, *, header: bool) -> Format:

@@ -42,7 +42,13 @@ from domesim.frames.containers import cropping_of, lacks_index, pyav, siting_of
 from domesim.frames.eyes import Eyes, of_video
 from domesim.frames.ffv1 import is_whole
 from domesim.frames.frame import Frame, Header
-from domesim.frames.integrity import SQUARE, damaged, projected, refuse_sides
+from domesim.frames.integrity import (
+    EQUIRECTANGULAR,
+    SQUARE,
+    damaged,
+    projected,
+    refuse_sides,
+)
 from domesim.frames.messages import one_line
 from domesim.frames.orientation import UPRIGHT, turned
 from domesim.frames.yuv import MATRICES, PixelFormat, beyond_limits, code_values, pixel_format
@@ -184,7 +190,7 @@ _MARKS = (
 """Name, and which bytes lie where."""
 
 
-def read_video_frame(path: Path, *, colour: ColourTag | None = None) -> Frame:
+def read_video_frame(path: Path, *, colour: ColourTag | None = None, projection: str = "") -> Frame:
     """The frame that `path` names.
 
     Parameters
@@ -193,6 +199,8 @@ def read_video_frame(path: Path, *, colour: ColourTag | None = None) -> Frame:
         One of `frame_paths`.
     colour
         As for `read_frame`.
+    projection
+        Of a panorama that is wanted; others are refused.
 
     Returns
     -------
@@ -204,7 +212,7 @@ def read_video_frame(path: Path, *, colour: ColourTag | None = None) -> Frame:
         If it is damaged or missing, or encoded in a way that is not supported.
     """
     with _decoding(path.parent) as decoder:
-        return _frame(path, decoder, decoder.frame(path), colour)
+        return _frame(path, decoder, decoder.frame(path), colour, projection)
 
 
 def rate_and_timecode(path: Path) -> tuple[Fraction, str]:
@@ -613,7 +621,9 @@ def _tags(source: Any) -> _Tags:
     return _Tags(*(int(value) for value in values))
 
 
-def _frame(path: Path, decoder: _Decoder, decoded: Any, colour: ColourTag | None) -> Frame:
+def _frame(
+    path: Path, decoder: _Decoder, decoded: Any, colour: ColourTag | None, projection: str
+) -> Frame:
     name = {**CODECS, **_CINEMA}[decoder.stream.codec_context.codec.canonical_name]
     kind = pixel_format(decoded.format.name)
     if kind is None:
@@ -650,7 +660,7 @@ def _frame(path: Path, decoder: _Decoder, decoded: Any, colour: ColourTag | None
     meant = replace(meant, source="; ".join([meant.source, *ways]))
     sample = "uint8" if kind.bits == 8 else "uint16"
     names = ("R", "G", "B") if alpha is None else ("R", "G", "B", "A")
-    orientation, eyes = _shown(path, decoder.stream.metadata, decoded)
+    orientation, eyes = _shown(path, decoder.stream.metadata, decoded, projection)
     rate = decoder.stream.guessed_rate
     view = (("view", "string", eye_of(path)),) if eye_of(path) else ()
     header = Header(
@@ -703,13 +713,17 @@ _TURNS = {
 _FLAT = (4, 5)  # of AVSphericalProjection: rectilinear, and a fisheye's
 
 
-def _shown(path: Path, metadata: Mapping[str, str], decoded: Any) -> tuple[int, Eyes | None]:
+def _shown(
+    path: Path, metadata: Mapping[str, str], decoded: Any, projection: str
+) -> tuple[int, Eyes | None]:
     """How a frame is turned when it is shown, and how two views are packed in it."""
     side_data = {each.type.name: bytes(each) for each in decoded.side_data}
     mapping = np.frombuffer(side_data.get("SPHERICAL", b"")[:4], np.int32)
     if mapping.size and int(mapping[0]) not in _FLAT:
-        names = dict(enumerate(("equirectangular", "a cube", "a tile", "half equirectangular")))
-        raise projected(path, names.get(int(mapping[0]), "a sphere's surface"))
+        names = dict(enumerate((EQUIRECTANGULAR, "a cube", "a tile", "half equirectangular")))
+        name = names.get(int(mapping[0]), "a sphere's surface")
+        if name != projection:
+            raise projected(path, name)
     matrix = np.frombuffer(side_data.get("DISPLAYMATRIX", b""), np.int32)
     orientation: int | None = UPRIGHT
     if matrix.size:
