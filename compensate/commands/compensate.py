@@ -16,7 +16,7 @@ from compensate.shows.eyes import exchanged
 from compensate.shows.titles import titles_of
 from compensate.solver.fitting import Fitted
 from domesim.commands.options import Place, Telling, grouped
-from domesim.commands.shows import Doing, Masters, Results
+from domesim.commands.shows import Doing, Masters, Results, film_asked
 from domesim.scene.grade import CLIPPED, KEPT
 from domesim.shows.run import Done
 
@@ -109,7 +109,8 @@ def compensate(
     if method == AUTO and not doing.dry_run:
         whole = masters.find() if doing.frames else found
         eye, running = recipe.weighting(scene), doing.running()
-        cues = cued(whole, doing.out, choice, eye, console, writing=writing, running=running)
+        folder, _ = film_asked(doing.out, found, writing)
+        cues = cued(whole, folder, choice, eye, console, writing=writing, running=running)
         recipe = replace(recipe, cues=starts(cues))
 
     def summary(done: Done) -> dict[str, Any]:

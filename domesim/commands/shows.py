@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, final
 
@@ -131,7 +131,8 @@ class Results:
         typer.Option(
             "--format",
             help=f"Write another format than the master's: {', '.join(WRITTEN)}; or, of a "
-            "sequence, besides its frames a video: mov (ProRes 4444) or mkv (FFV1, lossless).",
+            "sequence, besides its frames a video: mov (ProRes 4444), mkv (FFV1, lossless) or, for "
+            "previews, mp4 (H.264; with --bits 10 HEVC).",
             show_default=False,
         ),
     ] = None
@@ -309,28 +310,40 @@ class Doing:
         InputError
             If the folder has a picture's or film's name; as for `each_frame`.
         """
-        _require_folder(self.out)
+        out, writing = film_asked(self.out, show, writing)
         running = self.running(pages, clips)
         if self.dry_run:
-            estimated = estimate(show, self.out, recipe, console, writing, running)
+            estimated = estimate(show, out, recipe, console, writing, running)
             console.figures({**facts, "estimate": estimated})
             return
-        done = each_frame(
-            show, self.out, recipe, console, what=what, writing=writing, running=running
-        )
+        done = each_frame(show, out, recipe, console, what=what, writing=writing, running=running)
         summed = {} if summary is None else summary(done)
         finish(console, {**facts, **summed, **_frames_figures(done)}, done.failed)
 
 
-def _require_folder(out: Path) -> None:
-    """Refuses to make a folder that has the name of a picture or film."""
+def film_asked(out: Path, show: Show, writing: Writing) -> tuple[Path, Writing]:
+    """Returns the folder of results, and how they are written: ``--out`` may name a film beside it.
+
+    Raises
+    ------
+    InputError
+        If it is a picture's name, or a film's for one picture or for another format.
+    """
     suffix = out.suffix.lower()
+    if suffix in FILMS and show.numbered and not out.is_dir():
+        if writing.suffix not in (None, suffix):
+            asked = writing.suffix.removeprefix(".")
+            raise InputError(
+                f"--out {out}: wanted a folder for --format {asked}, got a film's name"
+            )
+        return out.with_suffix(""), replace(writing, suffix=suffix, film=out)
     if suffix in (*SUFFIXES, *VIDEOS) and not out.exists():
         kind = "film" if suffix in VIDEOS else "picture"
         raise InputError(
             f"--out {out}: wanted a folder for the results, got a {kind}'s name. Name a folder "
             f"(--out {out.parent / out.stem})"
         )
+    return out, writing
 
 
 def suffix_of(file_format: str | None) -> str | None:
@@ -346,7 +359,8 @@ def suffix_of(file_format: str | None) -> str | None:
     suffix = f".{file_format.lower().removeprefix('.')}"
     if suffix not in (*SUFFIXES, *FILMS, CINEMA):
         raise InputError(
-            f"--format {file_format!r} is not known; use {', '.join(WRITTEN)}; mov or mkv; or mxf"
+            f"--format {file_format!r} is not known; use {', '.join(WRITTEN)}; mov, mkv or mp4; or "
+            "mxf"
         )
     return suffix
 

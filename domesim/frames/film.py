@@ -2,7 +2,8 @@
 
 FFV1 (in Matroska) is lossless: 8, 10, 12 or 16 bits of R, G, B come back bit by bit, and each has
 checksums. ProRes 4444 (in QuickTime) is what theatres play and other programs take; FFmpeg encodes
-it from 10 bits of Y, C_B, C_R in limited range.
+it from 10 bits of Y, C_B, C_R in limited range. H.264 of 8 bits and HEVC of 10 (in MP4) are for
+previews: colour differences lie at every second column and row.
 """
 
 from __future__ import annotations
@@ -25,11 +26,11 @@ from domesim.frames.messages import one_line
 from domesim.frames.sound import Sound
 from domesim.frames.timing import Timing
 from domesim.frames.video import frame_paths
-from domesim.frames.yuv import limited_codes
+from domesim.frames.yuv import PixelFormat, limited_codes, pixel_format, small_size
 from domesim.host.writing import written_to
 
 _RGB_FORMATS = {8: "bgr0", 10: "gbrp10le", 12: "gbrp12le", 16: "gbrp16le"}
-_PRORES_BITS = 10
+_LEAST = 16  # pixels a side that HEVC has
 _LIMITED, _FULL = 1, 2  # FFmpeg's color_range
 
 
@@ -45,35 +46,55 @@ class FilmFormat:
     codec
         FFmpeg's encoder.
     bits
-        Bits of the frames that it is made of, as asked for by ``--bits``; the first if nothing is.
+        What ``--bits`` may ask for; None for nothing.
     options
         The encoder's.
+    pixels
+        FFmpeg's pixel format of Y, C_B and C_R; "" for R, G, B of the frames' depth.
+    tag
+        The sample entry that players know; "" for the container's usual.
     """
 
     suffix: str
     codec: str
     bits: tuple[int | None, ...]
     options: tuple[tuple[str, str], ...]
+    pixels: str = ""
+    tag: str = ""
 
 
-FILMS = {
-    each.suffix: each
-    for each in (
-        FilmFormat(
-            ".mkv",
-            "ffv1",
-            (None, 8, 10, 12, 16),
-            (("level", "3"), ("slicecrc", "1"), ("g", "1"), ("slices", "16")),
-        ),
-        FilmFormat(
-            ".mov",
-            "prores_ks",
-            (None, 12),
-            (("profile", "4444"), ("vendor", "apl0"), ("bits_per_mb", "8000")),
-        ),
-    )
-}
-"""Formats of videos, by suffix."""
+_FFV1 = FilmFormat(
+    ".mkv",
+    "ffv1",
+    (None, 8, 10, 12, 16),
+    (("level", "3"), ("slicecrc", "1"), ("g", "1"), ("slices", "16")),
+)
+_PRORES = FilmFormat(
+    ".mov",
+    "prores_ks",
+    (None, 12),
+    (("profile", "4444"), ("vendor", "apl0"), ("bits_per_mb", "8000")),
+    "yuv444p10le",
+)
+# The same bytes whatever the processor and its cores
+_H264 = FilmFormat(
+    ".mp4",
+    "libx264",
+    (None, 8),
+    (("crf", "16"), ("x264-params", "cpu-independent=1:threads=4:keyint=24")),
+    "yuv420p",
+)
+# x265 invents times for short films with B-frames
+_HEVC = FilmFormat(
+    ".mp4",
+    "libx265",
+    (10,),
+    (("crf", "16"), ("x265-params", "frame-threads=1:bframes=0:keyint=24:log-level=none")),
+    "yuv420p10le",
+    "hvc1",
+)
+FILMS = {".mkv": (_FFV1,), ".mov": (_PRORES,), ".mp4": (_H264, _HEVC)}
+"""Formats of videos, by suffix: the first is made if no depth is asked for."""
 
 
 def write_film(
@@ -83,6 +104,7 @@ def write_film(
     colour: ColourTag,
     timing: Timing,
     *,
+    film: FilmFormat | None = None,
     dithered: bool = False,
     sound: Path | None = None,
 ) -> list[str]:
@@ -103,6 +125,8 @@ def write_film(
         nothing.
     timing
         When they are shown.
+    film
+        Which of `FILMS`; the suffix's first if None.
     dithered
         Round to fewer codes than the frames have with noise, as `domesim.frames.dithering` does.
     sound
@@ -117,11 +141,11 @@ def write_film(
     InputError
         If PyAV is missing, frames differ in size or depth, or the file cannot be written.
     """
-    av = pyav(path)
+    av, film = pyav(path), film or FILMS[path.suffix][0]
     with written_to(path) as temporary:
         try:
             lacking = _encode(
-                temporary, path, frames, colour, timing, dithered=dithered, sound=sound
+                temporary, path, film, frames, colour, timing, dithered=dithered, sound=sound
             )
         except (OSError, av.FFmpegError) as error:
             problem = reason(error) if isinstance(error, OSError) else one_line(str(error))
@@ -137,6 +161,7 @@ def write_film(
 def _encode(
     temporary: Path,
     path: Path,
+    film: FilmFormat,
     frames: Iterator[Frame],
     colour: ColourTag,
     timing: Timing,
@@ -144,9 +169,14 @@ def _encode(
     dithered: bool,
     sound: Path | None,
 ) -> list[str]:
-    av, film = pyav(path), FILMS[path.suffix]
-    first = next(frames)
+    av, first, kind = pyav(path), next(frames), pixel_format(film.pixels)
     rows, cols = first.pixels.shape[:2]
+    small = rows % 2 or cols % 2 or min(rows, cols) < _LEAST
+    if kind is not None and kind.chroma == "4:2:0" and small:
+        raise InputError(
+            f"{path}: wanted frames of even width and height, {_LEAST} at least, for MP4, got "
+            f"{cols} x {rows}. Choose --format mkv or mov"
+        )
     lacking = [] if first.header.alpha is None else ["without alpha"]
     with (
         # Without times, versions and numbers drawn by lot
@@ -155,8 +185,8 @@ def _encode(
     ):
         stream: Any = container.add_stream(film.codec, rate=timing.rate, options=dict(film.options))
         stream.width, stream.height = cols, rows
-        lossless = film.codec == "ffv1"
-        stream.pix_fmt = _RGB_FORMATS[first.bits] if lossless else f"yuv444p{_PRORES_BITS}le"
+        lossless = kind is None
+        stream.pix_fmt = film.pixels or _RGB_FORMATS[first.bits]
         if timing.timecode:
             stream.metadata["timecode"] = timing.timecode
         if first.header.eyes is not None and lossless:  # FFmpeg writes none into QuickTime
@@ -165,6 +195,8 @@ def _encode(
         primaries, transfer = code_points_of(colour)
         matrix = 0 if lossless else 9 if colour.primaries == "BT.2020" else 1
         context = stream.codec_context
+        if film.tag:
+            context.codec_tag = film.tag
         context.color_primaries, context.color_trc = primaries, transfer
         context.colorspace, context.color_range = matrix, _FULL if lossless else _LIMITED
         place, frame = 0, first
@@ -175,7 +207,9 @@ def _encode(
                     f"{frame.described()} after {first.described()}"
                 )
             planes = (
-                _rgb_planes(frame) if lossless else _yuv_planes(frame, matrix, dithered=dithered)
+                _rgb_planes(frame)
+                if kind is None
+                else _yuv_planes(frame, matrix, kind, dithered=dithered)
             )
             coded = av.VideoFrame(cols, rows, stream.pix_fmt)
             for plane, codes in zip(coded.planes, planes, strict=True):
@@ -203,14 +237,17 @@ def _rgb_planes(frame: Frame) -> list[NDArray[Any]]:
     return [codes[..., channel].astype("<u2") for channel in (1, 2, 0)]
 
 
-def _yuv_planes(frame: Frame, matrix: int, *, dithered: bool) -> list[NDArray[Any]]:
-    planes = limited_codes(frame.pixels, matrix, _PRORES_BITS)
+def _yuv_planes(
+    frame: Frame, matrix: int, kind: PixelFormat, *, dithered: bool
+) -> list[NDArray[Any]]:
+    luma, *differences = limited_codes(frame.pixels, matrix, kind.bits)
+    planes = [luma, *(small_size(each, kind.chroma) for each in differences)]
     for view, plane in enumerate(planes):
         if dithered:
-            dither(plane, 2**_PRORES_BITS - 1, seed_of(frame.path, view))
+            dither(plane, 2**kind.bits - 1, seed_of(frame.path, view))
         else:
             np.rint(plane, out=plane)
-    return [plane.astype("<u2") for plane in planes]
+    return [plane.astype("u1" if kind.bits == 8 else "<u2") for plane in planes]
 
 
 def _fill(plane: Any, codes: NDArray[Any]) -> None:

@@ -1,4 +1,4 @@
-"""A show's results as a video: ``--format mov`` and ``--format mkv``.
+"""A show's results as a video: ``--format mov``, ``mkv`` and ``mp4``.
 
 Workers do frames in any order, and a run may be killed at any: results are numbered files as ever.
 When all of a command's frames are done, it makes the video of them, beside them. Beside the records
@@ -125,6 +125,7 @@ class Films:
             len(frames),
             colour,
             self.timing,
+            film=self.format,
             dithered=self.dither,
             sound=self.sounds[view] if view < len(self.sounds) else None,
         )
@@ -185,24 +186,26 @@ def films_of(show: Show, folder: Path, writing: Writing) -> tuple[Writing, Films
         If it is no sequence, does not go with the depth or rate asked for, a video would go over an
         input, or PyAV is missing.
     """
-    film = FILMS.get(writing.suffix or "")
-    if film is None:
+    kinds = FILMS.get(writing.suffix or "", ())
+    if not kinds:
         if writing.fps is not None:
-            raise InputError("--fps is for videos (--format mov or mkv); leave it out")
+            raise InputError("--fps is for videos (--format mov, mkv or mp4); leave it out")
         return writing, None
     if not show.numbered:
         raise InputError(
-            f"--format {film.suffix[1:]} is for a sequence or video, got one file; leave it out"
+            f"--format {kinds[0].suffix[1:]} is for a sequence or video, got one file; leave it out"
         )
-    if writing.bits not in film.bits:
-        depths = ", ".join(str(bits) for bits in film.bits if bits is not None)
-        raise InputError(f"--bits {writing.bits}: a {film.suffix} holds {depths}; choose one")
+    film = next((each for each in kinds if writing.bits in each.bits), None)
+    if film is None:
+        depths = ", ".join(str(bits) for each in kinds for bits in each.bits if bits is not None)
+        raise InputError(f"--bits {writing.bits}: a {kinds[0].suffix} holds {depths}; choose one")
     # PNGs have 8 or 16 bits.
     exact = film.codec == "ffv1"
     suffix = ".tif" if exact and writing.bits in (10, 12) else ".png"
-    frames = replace(writing, suffix=suffix, bits=writing.bits if exact else 16, fps=None)
+    frames = replace(writing, suffix=suffix, bits=writing.bits if exact else 16)
+    frames = replace(frames, fps=None, film=None)
     outputs = frames.places(show, folder)
-    paths = tuple(place_of(output, film.suffix) for output in outputs[0])
+    paths = tuple(writing.film or place_of(output, film.suffix) for output in outputs[0])
     if len(set(paths)) < len(paths):
         paths = tuple(
             path.with_stem(f"{path.stem}_{side}")

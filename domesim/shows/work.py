@@ -259,6 +259,8 @@ class Writing:
         The results' encoding; the master's if None.
     together
         How left and right are to lie in one picture; as in the master's files if None.
+    film
+        The name of a video that results become; after theirs if None.
     """
 
     suffix: str | None = None
@@ -268,6 +270,7 @@ class Writing:
     fps: float | None = None
     output: ColourTag | None = None
     together: Shared | None = None
+    film: Path | None = None
 
     def places(self, show: Show, folder: Path) -> tuple[Files, ...]:
         """Where in `folder` a show's results go; see `Show.outputs`."""

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 from batches import do_show, harmful_in
+from command_line import Run
 from numpy.typing import NDArray
 from videos import KINDS, number_of, write_numbered
 
@@ -19,7 +20,7 @@ from domesim.commands.shows import suffix_of
 from domesim.errors import InputError
 from domesim.frames import ColourTag, Frame, read_frame, write_frame
 from domesim.frames.encodings import encoding_named
-from domesim.frames.film import write_film
+from domesim.frames.film import FILMS, write_film
 from domesim.frames.timing import USUAL_RATE, Timing, exact_rate, timing_of
 from domesim.frames.video import frame_paths
 from domesim.host.console import Console
@@ -67,10 +68,10 @@ def test_ffv1_comes_back_bit_by_bit(tmp_path: Path, bits: int) -> None:
         assert np.array_equal(np.rint(frame.pixels * (2**bits - 1)), right)
 
 
-@pytest.mark.parametrize("suffix", [".mkv", ".mov"])
+@pytest.mark.parametrize("suffix", [".mkv", ".mov", ".mp4"])
 def test_the_same_frames_give_the_same_bytes(tmp_path: Path, suffix: str) -> None:
     """No time, version or number drawn by lot is in them."""
-    bits = 16 if suffix == ".mov" else 8
+    bits = 8 if suffix == ".mkv" else 16
     contents = []
     for name in ("first", "second"):
         (tmp_path / name).mkdir()
@@ -92,6 +93,34 @@ def test_prores_comes_back_nearly(tmp_path: Path) -> None:
     assert off[2].mean() < 20  # noise, which no master is
 
 
+@pytest.mark.parametrize("bits", [8, 10])
+def test_a_preview_comes_back_as_its_codec_has_it(tmp_path: Path, bits: int) -> None:
+    """H.264 of 8 bits, HEVC of 10, in codes of 8 bits, with the tags that players know."""
+    import av  # noqa: PLC0415
+
+    film = next(each for each in FILMS[".mp4"] if bits in each.bits)
+    originals = pictures()[:2]
+    found = written(tmp_path / "film.mp4", originals, 16, film=film)
+    assert [frame.bits for frame in found] == [bits] * 2
+    assert timing_of(frame_paths(tmp_path / "film.mp4")[0], USUAL_RATE) == TIMING
+    off = [np.abs(a.pixels - b) * 255 for a, b in zip(found, originals, strict=True)]
+    assert off[0].mean() < 2
+    assert off[0].max() < 18
+    with av.open(str(tmp_path / "film.mp4")) as opened:
+        assert opened.streams.video[0].codec_context.codec_tag == {8: "avc1", 10: "hvc1"}[bits]
+    (tmp_path / "odd").mkdir()
+    with pytest.raises(InputError, match="wanted frames of even width and height"):
+        written(tmp_path / "odd/film.mp4", pictures(64, 63), 16, film=film)
+
+
+def test_a_grey_preview_is_right_to_half_a_code(tmp_path: Path) -> None:
+    """Limited range, BT.709, and colour differences where they are said to be."""
+    colours = np.array([[0.25, 0.5, 0.75], [0.9, 0.1, 0.3]])
+    plain = [np.broadcast_to(colours[k], (64, 64, 3)) for k in (0, 1)]
+    for frame, colour in zip(written(tmp_path / "film.mp4", plain, 16), colours, strict=True):
+        np.testing.assert_allclose(frame.pixels[16:48, 16:48].mean((0, 1)), colour, atol=0.006)
+
+
 def test_what_is_rounded_to_prores_can_be_dithered(tmp_path: Path) -> None:
     """A grey between two codes of 10 bits is right on average."""
     grey = 0.4 + 0.3 / 876
@@ -102,7 +131,10 @@ def test_what_is_rounded_to_prores_can_be_dithered(tmp_path: Path) -> None:
     assert abs(dithered - grey) < 0.05 / 876
 
 
-SAID = {"bt709": ".mov", "bt2020": ".mov", "st2084": ".mov", "srgb": ".mkv", "dcdm": ".mkv"}
+SAID = {
+    **dict.fromkeys(("bt709", "bt2020", "st2084", "hlg"), ".mov"),
+    **dict.fromkeys(("srgb", "dcdm"), ".mkv"),
+}
 
 
 @pytest.mark.parametrize("name", SAID)
@@ -135,7 +167,7 @@ def test_a_film_is_whole_or_not_there(tmp_path: Path) -> None:
 def sequence(folder: Path, count: int = 5, **attributes: Any) -> str:
     folder.mkdir(exist_ok=True)
     for number in range(1, count + 1):
-        pixels = np.full((8, 10, 3), number / 100, np.float32)
+        pixels = np.full((16, 18, 3), number / 100, np.float32)
         write_frame(Frame(pixels, folder, VIDEO, 16, False), folder / f"show.{number:04d}.png")
     return str(folder / "show.####.png")
 
@@ -150,16 +182,46 @@ def levels(path: Path) -> list[int]:
     return [round(100 * float(read_frame(each).pixels.mean())) for each in frame_paths(path)]
 
 
-@pytest.mark.parametrize(("suffix", "bits"), [(".mkv", None), (".mkv", 12), (".mov", None)])
+@pytest.mark.parametrize(
+    ("suffix", "bits"),
+    [(".mkv", None), (".mkv", 12), (".mov", None), (".mp4", None), (".mp4", 10)],
+)
 def test_a_sequence_becomes_a_film(tmp_path: Path, suffix: str, bits: int | None) -> None:
     done = filmed(sequence(tmp_path / "in"), tmp_path, suffix, bits=bits, fps=60)
     (film,) = done.films
     assert film == tmp_path / f"out/show{suffix}"
     assert levels(film) == [1, 2, 3, 4, 5]
     frame = read_frame(frame_paths(film)[0])
-    assert frame.bits == (bits or (16 if suffix == ".mkv" else 12))
+    assert frame.bits == (bits or {".mkv": 16, ".mov": 12, ".mp4": 8}[suffix])
     assert frame.colour.means_the_same_as(VIDEO)
     assert timing_of(frame_paths(film)[0], USUAL_RATE).rate == 60
+
+
+@pytest.mark.parametrize("suffix", ["mp4", "mov", "mkv"])
+def test_a_films_name_is_a_film_beside_its_frames(tmp_path: Path, run: Run, suffix: str) -> None:
+    master = sequence(tmp_path / "in", 3)
+    film, scene = tmp_path / f"to/mine.{suffix}", ("--scene", "dome_hemisphere", "--method", "none")
+    command = ("compensate", master.replace("show", "s"), *scene, "--workers", 0, "--out", film)
+    for number in (1, 2, 3):
+        pixels = np.full((16, 16, 3), number / 10, np.float32)
+        path = tmp_path / f"in/s.{number:04d}.png"
+        write_frame(Frame(pixels, path, VIDEO, 16, False), path)
+    done = run(*command, "--json")
+    assert done.code == 0, done.err
+    assert done.figures()["films"] == [str(film)]
+    assert {each.name for each in (tmp_path / "to").iterdir()} >= {film.name, "mine"}
+    assert len(list((tmp_path / "to/mine").glob("s.*.png"))) == 3
+    assert len(frame_paths(film)) == 3
+    before = film.read_bytes()
+    assert "made before" in run(*command).out
+    assert film.read_bytes() == before
+    theirs = film.with_name(f"theirs.{suffix}")
+    theirs.write_bytes(b"somebody else's")
+    run(*command[:-1], theirs).is_refused("did not write")
+    assert theirs.read_bytes() == b"somebody else's"
+    run(*command, "--format", "png").is_refused("wanted a folder for --format png")
+    one = tmp_path / "in/s.0001.png"
+    run("compensate", one, *scene, "--out", tmp_path / "one.mp4").is_refused("wanted a folder")
 
 
 def test_a_film_becomes_a_film_of_its_rate_and_timecode(tmp_path: Path) -> None:
@@ -331,7 +393,9 @@ def test_the_extra_is_asked_for_before_any_work(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "av", None)
-    with pytest.raises(InputError, match=r"show.mkv: videos need .*pip install 'domesim\[video\]'"):
+    with pytest.raises(
+        InputError, match=r"show.mkv: videos and AVIF need .*pip install 'domesim\[video\]'"
+    ):
         filmed(sequence(tmp_path / "in"), tmp_path)
     assert not list((tmp_path / "log").iterdir())
 
@@ -348,5 +412,5 @@ def test_rates_are_what_is_meant() -> None:
 
 def test_formats_have_names() -> None:
     assert [suffix_of(name) for name in ("mov", "MKV")] == [".mov", ".mkv"]
-    with pytest.raises(InputError, match="mov or mkv"):
+    with pytest.raises(InputError, match="mov, mkv or mp4"):
         suffix_of("avi")
