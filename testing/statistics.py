@@ -101,8 +101,7 @@ def rms_difference(
 ) -> float:
     """Rms over pixels of a model's error, where the truth is known by two independent noisy ones.
 
-    The product of both differences has the squared error as its mean, whatever their noise. If
-    chance makes the sum negative, its root is returned with a minus.
+    The product of both differences has the squared error as its mean, whatever their noise.
 
     Parameters
     ----------
@@ -110,6 +109,11 @@ def rms_difference(
         (row, col, ...) the model's picture and two estimates of the true one.
     share
         (row, col) weights, adding up to 1.
+
+    Returns
+    -------
+    rms
+        Error in units of the pictures; below 0 where chance makes the sum negative.
     """
     model, first, second = (np.asarray(part, np.float64) for part in (model, first, second))
     products = (model - first) * (model - second)

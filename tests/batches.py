@@ -19,6 +19,7 @@ import numpy as np
 
 from domesim.frames import ColourTag, Frame, Master, write_frame
 from domesim.host.console import Console
+from domesim.shows import cluster
 from domesim.shows.run import Done, Running, each_frame
 from domesim.shows.show import Show, find_show
 from domesim.shows.work import Column, Note, Recipe, Work, Write, Writing
@@ -153,6 +154,7 @@ def main() -> None:
     folder, workers, seconds = Path(sys.argv[1]), int(sys.argv[2]), float(sys.argv[3])
     scheduler = sys.argv[4] if len(sys.argv) > 4 else None
     recipe = Harmful(folder / "log", seconds)
+    cluster._SILENCE = float(os.environ.get("SILENCE", cluster._SILENCE))
     with guarded():
         done = copied(folder, recipe, workers, scheduler=scheduler)
         sys.exit(2 if done.failed else 0)

@@ -12,7 +12,7 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 MODULES = re.findall(
-    r"^   ((?:domesim|compensate|validation)[.\w]*)$",
+    r"^   ((?:domesim|compensate|testing|validation)[.\w]*)$",
     (ROOT / "docs" / "api.md").read_text(encoding="utf-8"),
     re.MULTILINE,
 )
@@ -83,7 +83,7 @@ def sectioned() -> set[str]:
     """Methods, as Class.method, whose docstrings have sections of their own."""
     return {
         name
-        for package in ("domesim", "compensate", "validation")
+        for package in ("domesim", "compensate", "testing", "validation")
         for path in (ROOT / package).rglob("*.py")
         for name, function in functions(ast.parse(path.read_text(encoding="utf-8")))
         if SECTION.search(ast.get_docstring(function) or "")

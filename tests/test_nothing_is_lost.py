@@ -209,8 +209,8 @@ def test_files_of_somebody_else_stay(
     lists = [name for name in made if Path(name).name == LIST]
     own = [str(Path(name).parent) for name in lists if (inputs / name).parent.name in OWN]
     tried = [(files, way) for way in WAYS]
-    tried += [([name], file) for name in (*files, *lists)]
-    tried += [([name], WAYS[1 + number % 3]) for number, name in enumerate(files)]
+    tried += [([name], WAYS[number % len(WAYS)]) for number, name in enumerate(files)]
+    tried += [([name], file) for name in lists]
     tried += [([name], way) for name in own for way in WAYS]
     folder(inputs / "elsewhere")
     for names, way in tried:

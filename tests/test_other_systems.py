@@ -17,10 +17,8 @@ from stored_masters import store
 
 SCENE = ("--scene", "dome_hemisphere")
 COMMANDS = {
-    "still": ("compensate", "show.1.exr", *SCENE, "--out", "out"),
     "sequence": ("compensate", "show.#.exr", *SCENE, "--out", "out", "--workers", "2"),
     "JPEG 2000": ("compensate", "show.1.exr", *SCENE, "--format", "j2k", "--out", "out"),
-    "observe": ("observe", "show.1.exr", *SCENE, "--out", "out"),
     "compare": ("compare", "show.1.exr", *SCENE, "--out", "out.html"),
     "shader": ("shader", *SCENE, "--size", "48x48", "--out", "out/show.glsl"),
     "doctor": ("doctor",),
@@ -66,13 +64,6 @@ def test_a_command_works(system: str, name: str, folder: Path) -> None:
         shutil.rmtree(folder / "out")
         assert run_as("", folder, *COMMANDS[name]).returncode == 0
         assert results == {each: (folder / "out" / each).read_bytes() for each in results}
-
-
-@pytest.mark.long
-def test_the_demo_works(folder: Path) -> None:
-    done = run_as("win32", folder, "demo", "--out", "demo")
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert (folder / "demo/compare.html").exists()
 
 
 def test_the_pretence_is_one(folder: Path) -> None:

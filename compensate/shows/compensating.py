@@ -479,7 +479,7 @@ def line_of(f: Figures) -> str:
     """What was done and how good it is, for a person: below one another, a fact a line."""
     parts = [f"{f.method}, {decimal(f.seconds, 2)} s"]
     if f.loss_before is None:
-        parts.append(f"{f.pollution:.2g} cd/m² of pollution, all of it subtracted")
+        parts.append(f"{decimal(f.pollution, 2)} cd/m² of pollution, all of it subtracted")
     else:
         parts += [
             f"quality lost: {f.loss_after:.2f} JOD; untouched {f.loss_before:.2f}, subtracted "
@@ -494,7 +494,7 @@ def line_of(f: Figures) -> str:
         parts.append(f"out of the projector's range: {percent(f.out_of_range)} of the screen")
     if f.file_clipped:
         parts.append(f"out of the file's colour range, and clipped: {percent(f.file_clipped)}")
-    if f.gap is not None:
+    if f.gap is not None and f.iterations:
         parts.append(f"within {percent(f.gap)} of the optimum after {f.iterations} iterations")
         if f.distance:
             parts.append(

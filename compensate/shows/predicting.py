@@ -368,7 +368,9 @@ def _line(figures: dict[str, Any]) -> str:
     if "faintest_star_master" not in figures:
         return line
     falls = [
-        " to ".join(Faintest(**figures[f"{key}_{name}"]).told for name in ("master", "untouched"))
+        " down to ".join(
+            Faintest(**figures[f"{key}_{name}"]).told for name in ("master", "untouched")
+        )
         for key in ("faintest_star", "projected_star")
         if f"{key}_master" in figures
     ]

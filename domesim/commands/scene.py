@@ -129,8 +129,7 @@ def _dome_figures(
         console.say(
             f"White frame: {decimal(light.white)} cd/m² ({decimal(light.direct)} direct, "
             f"{decimal(light.reflected)} reflected)",
-            f"Evenness: the brightest place has {decimal(light.uneven)} times the light of the "
-            f"darkest",
+            f"Evenness: the darkest place has {1 / light.uneven:.0%} of the light of the brightest",
             f"Black frame: {decimal(light.black)} cd/m²; sequential contrast "
             f"{ratio(light.sequential)}",
             f"Checkerboard: white fields {decimal(light.lit)}, black fields {decimal(light.dark)} "

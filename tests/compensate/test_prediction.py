@@ -407,8 +407,10 @@ def test_negligible_is_an_area_in_square_degrees() -> None:
     assert triage(posed, Prediction(negligible=0.9 * visible)).verdict is not Verdict.NOTHING
 
 
-@pytest.mark.parametrize("saliency", [False, True])
-@pytest.mark.parametrize("combination", Combination)
+@pytest.mark.parametrize(
+    ("combination", "saliency"),
+    [*((each, False) for each in Combination), (Combination.PAPER, True)],
+)
 @pytest.mark.parametrize(
     ("kind", "eye"), [("pair", None), ("dome", None), ("pair", StrayLight(60))]
 )

@@ -19,7 +19,7 @@ from compensate.ruler import Ruler
 from compensate.solver.result import Status
 from compensate.weighting import PerceptualWeighting
 from domesim.frames import ColourTag, Frame, Master
-from domesim.light import transfer
+from domesim.light import strips, transfer
 from domesim.observation.crosstalk import Crosstalk
 from domesim.scene import Scene, load_scene
 from domesim.scene.screening import decoded, encoded, mean_luminance, within_range
@@ -188,12 +188,16 @@ def whole(posed: Posed) -> dict[str, float]:
     }
 
 
+@pytest.fixture
+def _strips(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Small pictures are several."""
+    monkeypatch.setattr(strips, "SAMPLES", 700)
+
+
+@pytest.mark.usefixtures("_strips")
 @pytest.mark.parametrize("case", CASES)
-@pytest.mark.parametrize("size", [None, 700])  # one strip, several
-def test_figures_in_strips_are_those_of_the_whole(case: str, size: int | None) -> None:
+def test_figures_in_strips_are_those_of_the_whole(case: str) -> None:
     scene, light = CASES[case]
-    if size is not None:
-        light = np.repeat(np.repeat(light, size // light.shape[1], 1), size // light.shape[2], 2)
     posed = pose(light, scene)
     expected = whole(posed)
     assert Appraisal(posed).pollution == pytest.approx(expected["pollution"], rel=1e-5)
@@ -203,13 +207,11 @@ def test_figures_in_strips_are_those_of_the_whole(case: str, size: int | None) -
     )
 
 
+@pytest.mark.usefixtures("_strips")
 @pytest.mark.parametrize("case", CASES)
 @pytest.mark.parametrize("bits", [8, 32])
 def test_a_master_in_strips_is_that_of_the_whole(case: str, bits: int) -> None:
     scene, light = CASES[case]
-    light = np.repeat(np.repeat(light, 20, 1), 15, 2)
-    if scene.views == 1:
-        light = light[:, :600]
     light = light * 1.3
     codes = np.rint(light.clip(0, 1) * 255).astype(np.float32) / np.float32(255)
     master = frame(codes if bits == 8 else light, SRGB if bits == 8 else LINEAR, bits)
@@ -237,12 +239,13 @@ def test_a_master_in_strips_is_that_of_the_whole(case: str, bits: int) -> None:
     assert (clipped > 0) == (bits == 8)
 
 
+@pytest.mark.usefixtures("_strips")
 @pytest.mark.parametrize("share", [None, (0.5, 1.5)])
 def test_crosstalk_in_strips_is_that_of_the_whole(share: tuple[float, float] | None) -> None:
-    light = np.random.default_rng(0).random((2, 90, 900, 3), np.float32)
-    varying = None if share is None else np.linspace(*share, 2 * 90 * 900).reshape(2, 90, 900)
+    light = np.random.default_rng(0).random((2, 30, 40, 3), np.float32)
+    varying = None if share is None else np.linspace(*share, 2 * 30 * 40).reshape(2, 30, 40)
     black = np.array([[0.01, 0.02, 0.03], [0.04, 0.05, 0.06]])
-    crosstalk = Crosstalk(90, 900, COLOURED, share=varying, black=black)
+    crosstalk = Crosstalk(30, 40, COLOURED, share=varying, black=black)
     expected = light + crosstalk.leaked(light) + black[:, None, None, :]
     np.testing.assert_allclose(crosstalk.observe(light), expected, atol=1e-6)
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from laws.test_linear_maps import LIBRARIES, assert_affine, dot
+from array_libraries import LIBRARIES
+from laws.test_linear_maps import assert_affine, dot
 from theatres import BT709, viewing
 
 from compensate.problem import Problem

@@ -15,7 +15,8 @@ from flat_cinemas import (
     polarised,
     room_and_flat_crosstalk,
 )
-from test_linear_maps import LIBRARIES, assert_affine
+from array_libraries import PRECISE
+from laws.test_linear_maps import assert_affine
 
 from domesim.errors import InputError
 from domesim.observation import flat_room
@@ -27,10 +28,10 @@ SURFACES = ("floor", "ceiling", "walls", "back", "front", "audience")
 SIZES = [(5, 7), (11, 6)]
 
 
-@pytest.mark.parametrize("convert", LIBRARIES)
-@pytest.mark.parametrize(("size", "dtype"), [(SIZES[0], np.float32), (SIZES[1], np.float64)])
+@pytest.mark.parametrize(("dtype", "convert"), PRECISE)
 @pytest.mark.parametrize("name", COMPOSITIONS)
-def test_compositions(name, size, dtype, convert):
+def test_compositions(name, dtype, convert):
+    size = SIZES[dtype == np.float64]
     observation = COMPOSITIONS[name](*size)
     random = np.random.default_rng(size[0])
     x, z, y = (convert(random.standard_normal(observation.shape).astype(dtype)) for _ in range(3))

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import array_api_strict
 import numpy as np
 import pytest
+from array_libraries import PRECISE
 from dome_pairs import OBSERVATIONS as DOMES_IN_3D
 from theatres import closed_form, picture, unequal_weighting, weighting
 
@@ -34,15 +34,6 @@ class RankTwo(LowRankObservation):
     _cache = property(lambda self: self._kept)
 
 
-def torch(array):
-    return pytest.importorskip("torch").from_numpy(array)
-
-
-LIBRARIES = [
-    pytest.param(np.asarray, id="numpy"),
-    pytest.param(array_api_strict.asarray, id="array_api_strict"),
-    pytest.param(torch, id="torch"),
-]
 OBSERVATIONS = {
     "closed form": closed_form,
     "closed form, corrected lens": lambda size, primaries: closed_form(
@@ -81,10 +72,9 @@ def assert_affine(observation, x, z, y, tolerance) -> None:
     assert np.abs(np.asarray(affine)).max() <= 20 * tolerance
 
 
-@pytest.mark.parametrize("convert", LIBRARIES)
-@pytest.mark.parametrize("dtype", [np.float32, np.float64])
-@pytest.mark.parametrize("primaries", [1, 3, 4])
-@pytest.mark.parametrize("size", [5, 8, 11])
+@pytest.mark.parametrize(("dtype", "convert"), PRECISE)
+@pytest.mark.parametrize("primaries", [1, 4])
+@pytest.mark.parametrize("size", [5, 8])
 @pytest.mark.parametrize("name", OBSERVATIONS)
 def test_observations(name, size, primaries, dtype, convert):
     observation = OBSERVATIONS[name](size, primaries)
@@ -94,10 +84,9 @@ def test_observations(name, size, primaries, dtype, convert):
     assert_affine(observation, x, z, y, tolerance)
 
 
-@pytest.mark.parametrize("convert", LIBRARIES)
-@pytest.mark.parametrize("dtype", [np.float32, np.float64])
-@pytest.mark.parametrize("primaries", [1, 3, 4])
-@pytest.mark.parametrize("shape", [(5, 7), (8, 8), (12, 9)])
+@pytest.mark.parametrize(("dtype", "convert"), PRECISE)
+@pytest.mark.parametrize("primaries", [1, 4])
+@pytest.mark.parametrize("shape", [(5, 7), (12, 9)])
 @pytest.mark.parametrize("name", WEIGHTINGS)
 def test_weightings(name, shape, primaries, dtype, convert):
     support = np.random.default_rng(1).random(shape) > 0.3

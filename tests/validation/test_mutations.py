@@ -1,4 +1,4 @@
-"""Each of these mistakes in the program turns an experiment red."""
+"""Each of these mistakes in the program turns an experiment red; `make validate` has it green."""
 
 from __future__ import annotations
 
@@ -42,8 +42,3 @@ def test_mutations_turn_an_experiment_red(mutate, monkeypatch):
     mutate(monkeypatch)
     finding = load_experiment("closed_form").run(Work(quick=True))
     assert not finding.passed
-
-
-def test_without_them_it_is_green():
-    finding = load_experiment("closed_form").run(Work(quick=True))
-    assert [check for check in finding.checks if not check.passed] == []

@@ -188,9 +188,9 @@ def least(name: str, setting: Setting, problem: Problem) -> float:
 
 
 def cases():
-    """Classes, precisions, and how many problems of each; the long ones are more than 1000."""
+    """Classes, precisions, and how many problems of each; the long ones are more than 400."""
     for name in CLASSES:
-        for precision, few, many in ((np.float64, 4, 95), (np.float32, 1, 16)):
+        for precision, few, many in ((np.float64, 2, 32), (np.float32, 1, 8)):
             yield pytest.param(name, precision, few)
             yield pytest.param(name, precision, many, marks=pytest.mark.long)
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import colour
 import numpy as np
 import pytest
+from array_libraries import LIBRARIES
 from laws.test_crosstalk_laws import BLACK, COLOURED, LEVELS, grey_table
-from laws.test_linear_maps import LIBRARIES
 from scipy.optimize import minimize
 from theatres import problem as dome_problem
 

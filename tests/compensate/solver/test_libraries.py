@@ -8,13 +8,13 @@ from __future__ import annotations
 import importlib
 import types
 
-import array_api_strict
 import numpy as np
 import pytest
+from array_libraries import OTHERS
 from laws.test_linear_maps import RankTwo
 from pairs import OBSERVATIONS, pair_problem
 from stored_masters import store
-from theatres import closed_form, picture, problem, weighting
+from theatres import picture, problem, weighting
 
 from compensate.devices import on_device
 from compensate.problem import Problem
@@ -26,16 +26,6 @@ from domesim.errors import InputError
 from domesim.light import on_host
 
 Posed = tuple[Problem, np.ndarray]
-
-
-def torch(array):
-    return pytest.importorskip("torch").tensor(np.asarray(array))
-
-
-LIBRARIES = [
-    pytest.param(array_api_strict.asarray, id="array_api_strict"),
-    pytest.param(torch, id="torch"),
-]
 
 
 def low_rank() -> Posed:
@@ -77,7 +67,7 @@ def solved(make, convert, dtype, solver):
     return found, posed.cost(on_host(found.light))
 
 
-@pytest.mark.parametrize("convert", LIBRARIES)
+@pytest.mark.parametrize("convert", OTHERS)
 @pytest.mark.parametrize("name", PROBLEMS)
 def test_the_same_result_with_as_many_transforms(name, convert):
     solver = ADMM(tolerance=3e-2, max_iterations=60)
@@ -93,7 +83,7 @@ def test_the_same_result_with_as_many_transforms(name, convert):
     assert other == pytest.approx(cost, rel=1e-10)
 
 
-@pytest.mark.parametrize("convert", LIBRARIES)
+@pytest.mark.parametrize("convert", OTHERS)
 @pytest.mark.parametrize("name", ["dome", "dome, rank two", "pair, 3x3", "pair, map of 3x3"])
 def test_the_same_result_within_the_certificate_in_single_precision(name, convert):
     solver = ADMM(tolerance=3e-2, max_iterations=60)
@@ -105,7 +95,7 @@ def test_the_same_result_within_the_certificate_in_single_precision(name, conver
     assert found.gap == pytest.approx(wanted.gap, rel=0.02)
 
 
-@pytest.mark.parametrize("convert", LIBRARIES)
+@pytest.mark.parametrize("convert", OTHERS)
 def test_what_nothing_clips_is_known_to_be_exact(convert):
     observation = OBSERVATIONS["constant"](6, 7)
     master = 0.3 + 0.4 * pair_problem(observation)[0].desired
@@ -233,11 +223,3 @@ def test_the_command_computes_there(tmp_path, run):
     for name in ("iterations", "ffts"):
         assert figures[1][name] == figures[0][name]
     assert figures[1]["loss_after"] == pytest.approx(figures[0]["loss_after"], rel=1e-3)
-
-
-def test_a_problem_moved_is_the_same_problem():
-    posed, start = problem(5)
-    there = posed.sent(np.asarray)
-    assert there.cost(start) == posed.cost(start)
-    assert there.negligible == posed.negligible
-    assert closed_form(5).shape == there.desired.shape

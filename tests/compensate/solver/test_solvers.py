@@ -152,7 +152,7 @@ def test_the_hessian_is_inverted(primaries):
     assert energy(found) == pytest.approx(dot(found, spectra), rel=1e-9)
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(3))
 def test_the_answer_is_never_worse_than_subtraction(seed):
     posed, start = problem(16, seed=seed, dtype=np.float32)
     for iterations in (1, 2, 5, 400):
@@ -201,7 +201,7 @@ def test_rounding_is_admitted():
     assert result.gap < 1e-4
 
 
-@pytest.mark.parametrize("seed", range(24))
+@pytest.mark.parametrize("seed", range(12))
 def test_certificates_in_single_precision_hold_in_double(seed):
     """And leave room for 4e-6 of the cost: so much was missing where others have looked."""
     settings = {"seed": seed, "gain": (0.0, 0.1, 0.3, 1.0)[seed % 4]}
@@ -286,18 +286,6 @@ def test_all_solvers_keep_the_bounds_and_the_pins():
         assert (light <= posed.upper).all()
 
 
-def test_admm_refuses_what_it_cannot_certify():
-    posed, start = problem(9)
-    free = Problem(posed.observation, posed.weighting, posed.desired)
-    with pytest.raises(ValueError, match="regularisation 0"):
-        ADMM()(free, start)
-    loose = Problem(
-        posed.observation, posed.weighting, posed.desired, anchor=start, regularisation=1e-3
-    )
-    with pytest.raises(ValueError, match="pinned"):
-        ADMM()(loose, start)
-
-
 def test_conjugate_gradients_end_where_no_bound_is_met():
     """On a quadratic without active bounds the first face is the last, and CG solves it exactly."""
     posed, start = problem(9)
@@ -356,32 +344,28 @@ def test_a_spent_spectrum_becomes_the_same_plane(library, cols, monkeypatch):
     assert (found.dtype, fourier.count) == (np.float32, 2)
 
 
-def test_infinite_bounds_are_refused():
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"regularisation": 0.0}, "regularisation 0"),
+        ({"bounds": (0.0, 1.0)}, "pinned"),
+        ({"bounds": (-np.inf, 1.0)}, "finite bounds"),
+        ({"anchor": -3.0}, "anchor within the bounds"),
+    ],
+)
+def test_admm_refuses_what_it_cannot_certify(change, words):
     posed, start = problem(9)
-    unbounded = Problem(
-        posed.observation,
-        posed.weighting,
-        posed.desired,
-        (-np.inf, posed.upper),
-        anchor=start,
-        regularisation=1,
-    )
-    with pytest.raises(ValueError, match="finite bounds"):
-        ADMM()(unbounded, start)
-
-
-def test_an_anchor_beyond_the_bounds_is_refused():
-    posed, start = problem(9)
-    shifted = Problem(
-        posed.observation,
-        posed.weighting,
-        posed.desired,
-        (posed.lower, posed.upper),
-        anchor=start - 3.0 * posed.observation.screen[None, :, :, None],
-        regularisation=1,
-    )
-    with pytest.raises(ValueError, match="anchor within the bounds"):
-        ADMM()(shifted, start)
+    given = {
+        "bounds": (posed.lower, posed.upper),
+        "anchor": start,
+        "regularisation": 1.0,
+        **change,
+    }
+    if "anchor" in change:
+        given["anchor"] = start + change["anchor"] * posed.observation.screen[None, :, :, None]
+    wrong = Problem(posed.observation, posed.weighting, posed.desired, **given)
+    with pytest.raises(ValueError, match=words):
+        ADMM()(wrong, start)
 
 
 def test_nothing_is_of_double_precision_on_the_way(monkeypatch):

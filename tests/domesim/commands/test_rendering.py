@@ -439,7 +439,7 @@ def test_paths_are_told_where_there_were_some(folder: Path) -> None:
         'name = "sunk"\n[dome]\nradius_m = 3.0\n[screen]\nalbedo = 0.4\n[floor]\nheight_m = -0.1\n'
         "albedo = 0.2\n[projector]\nwhite_cd_m2 = 10.0\n[viewing]\nadaptation_cd_m2 = 1.0\n"
     )
-    outcome = domesim("tabulate", scene, "--out", folder / "sunk.npz")
+    outcome = domesim("tabulate", scene, "--out", folder / "sunk.npz", "--error", 0.02)
     assert re.search(r"of it by radiosity alone, ", outcome.out)
     assert re.search(r"Second opinion: path tracing after [1-9][0-9,]+ paths finds 0", outcome.out)
 
@@ -517,20 +517,6 @@ def test_compensate_uses_the_table(folder: Path, room: tuple[Path, Path, Outcome
         written[name] = read_frame(out / "uneven.exr").pixels
     # The room's light is more, so more is taken away.
     assert written["with"].mean() < written["without"].mean() - 1e-3
-
-
-@pytest.mark.parametrize("command", ["observe", "compensate"])
-def test_the_table_of_another_theatre_is_refused(
-    folder: Path, room: tuple[Path, Path, Outcome], command: str
-) -> None:
-    scene, table, _ = room
-    other, out = folder / "other.toml", folder / "refused"
-    other.write_text(scene.read_text().replace("seats_per_row = 3", "seats_per_row = 2"))
-    outcome = domesim(
-        command, folder / "white.exr", "--scene", other, "--transport", table, "--out", out
-    )
-    outcome.is_refused(str(table), "'a furnished room'", "domesim tabulate", "again")
-    assert not out.exists()
 
 
 # Ctrl-C.

@@ -15,8 +15,10 @@ from domesim.errors import InputError
 from domesim.frames.arrays import read_arrays, write_arrays
 
 
-def bomb(path: Path, *, claims: int | None = None) -> Path:
-    """A quarter of a gigabyte of zeros, in little."""
+@pytest.fixture(scope="module")
+def bomb() -> tuple[bytes, bytes]:
+    """A quarter of a gigabyte of zeros, in little; and its size, as the file says it."""
+    path = io.BytesIO()
     header = io.BytesIO()
     np.lib.format.write_array_header_1_0(
         header, {"descr": "<f4", "fortran_order": False, "shape": (1 << 26,)}
@@ -30,18 +32,19 @@ def bomb(path: Path, *, claims: int | None = None) -> Path:
             entry.write(header.getvalue())
             for _ in range(1 << 8):
                 entry.write(bytes(1 << 20))
-    if claims is not None:
-        content = path.read_bytes()
-        size = (len(header.getvalue()) + (1 << 28)).to_bytes(4, "little")
-        assert size in content
-        path.write_bytes(content.replace(size, claims.to_bytes(4, "little")))
-    return path
+    size = (len(header.getvalue()) + (1 << 28)).to_bytes(4, "little")
+    assert size in path.getvalue()
+    return path.getvalue(), size
 
 
 @pytest.mark.parametrize("claims", [None, 100])
-def test_a_bomb_is_refused_before_it_goes_off(tmp_path: Path, claims: int | None) -> None:
+def test_a_bomb_is_refused_before_it_goes_off(
+    tmp_path: Path, bomb: tuple[bytes, bytes], claims: int | None
+) -> None:
     """Also one whose directory says less than there is."""
-    path = bomb(tmp_path / "a.npz", claims=claims)
+    content, size = bomb
+    path = tmp_path / "a.npz"
+    path.write_bytes(content.replace(size, claims.to_bytes(4, "little")) if claims else content)
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     with pytest.raises(InputError, match=r"at most 128 MiB|none or damaged"):
         read_arrays(path, "x", "transport", ("zeros",))

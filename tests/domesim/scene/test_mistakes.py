@@ -27,6 +27,9 @@ DOMES: dict[str, tuple[tuple[str, str], tuple[str, ...]]] = {
     "radius as text": (("5.0", "'5.0'"), ("dome.radius_m", "valid number, got '5.0'")),
     "long text": (("5.0", f"'{'5' * 9999}'"), ("dome.radius_m", "valid number", "got '555")),
     "white 0": (("13.7", "0"), ("projector.white_cd_m2", "greater than", "got 0")),
+    "black above white": (("13.7", "13.7, black_cd_m2 = 14"), ("projector: ", "below white")),
+    "primaries": (("{ white", '{ primaries = "sYCC", white'), ("'sYCC' are not known",)),
+    "perforation": (("0.45", "0.45, perforation = 1"), ("screen.perforation", "less than 1")),
     "adaptation": (("1.4", "1e-300"), ("viewing.adaptation_cd_m2", "got 1e-300")),
     "closed white sphere": (
         ("5.0 }\nscreen = { albedo = 0.45", "5.0, half_angle_deg = 180 }\nscreen = { albedo = 1"),

@@ -77,28 +77,6 @@ def test_a_scene_becomes_its_objects(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("good", "bad", "message"),
-    [
-        ("radius_m = 8.0", "radius = 8.0\nradius_m = 8.0", "dome.radius: .*mean 'radius_m'"),
-        ("[ambient]", "[ambiant]", "ambiant: .*mean 'ambient'"),
-        ("albedo = [0.4, 0.5, 0.6]", "albedo = [0.4, 1.2, 0.6]", r"screen.albedo\[1\]: .*got 1.2"),
-        ("perforation = 0.2", "perforation = 1", "screen.perforation: .*less than 1"),
-        ("black_cd_m2 = 0.01", "black_cd_m2 = 11", "projector: .*below white"),
-        ("white_cd_m2", 'primaries = "sYCC"\nwhite_cd_m2', "primaries 'sYCC' are not known"),
-        ('name = "mine"', "name = mine", "not valid TOML"),
-    ],
-)
-def test_a_mistake_is_named_in_one_line(tmp_path, good, bad, message):
-    path = tmp_path / "mine.toml"
-    assert good in GOOD
-    path.write_text(GOOD.replace(good, bad))
-    with pytest.raises(InputError, match=message) as error:
-        load_scene(path)
-    assert "\n" not in str(error.value)
-    assert str(error.value).startswith(str(path))
-
-
-@pytest.mark.parametrize(
     ("name", "message"),
     [
         ("dome_imx", "did you mean 'dome_imax'"),

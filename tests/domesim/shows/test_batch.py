@@ -735,8 +735,6 @@ class Losing:
 
     cluster = None
 
-    cluster = None
-
     def __init__(self, looks: int) -> None:
         self.looks = looks  # until it is seen that the scheduler is lost
 
@@ -1003,6 +1001,7 @@ def test_a_scheduler_that_stands_still_is_told_and_ctrl_c_is_heard(tmp_path: Pat
                 command,
                 stdout=file,
                 stderr=file,
+                env={**os.environ, "SILENCE": "2"},
                 # A shell's background job is deaf to it
                 preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # noqa: PLW1509
             )
