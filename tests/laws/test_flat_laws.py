@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from array_libraries import PRECISE
 from flat_cinemas import (
     COMPOSITIONS,
     ROOM,
@@ -15,7 +16,6 @@ from flat_cinemas import (
     polarised,
     room_and_flat_crosstalk,
 )
-from array_libraries import PRECISE
 from laws.test_linear_maps import assert_affine
 
 from domesim.errors import InputError

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from laws.test_crosstalk_laws import BLACK, COLOURED
 from array_libraries import LIBRARIES
+from laws.test_crosstalk_laws import BLACK, COLOURED
 from laws.test_linear_maps import assert_affine
 
 from compensate.subtract import subtracted
