@@ -96,7 +96,7 @@ class Around:
 
 @grouped
 def domemaster(
-    master: Annotated[
+    panorama: Annotated[
         str,
         typer.Argument(
             metavar="PANORAMA",
@@ -116,7 +116,7 @@ def domemaster(
 ) -> None:
     """Make domemasters of panorama pictures: EXR of floats, PNG of 16 bits of others."""
     console, dome = telling.console(), around.dome()
-    show = find_show(master, frames=frames, encoding=encoding)
+    show = find_show(panorama, frames=frames, encoding=encoding)
     projection = around.projection if around.faces is None else ""
     read = partial(read_image, repair=repair, colour=show.colour, projection=projection)
     sources = [files[0] for files in show.moments]
