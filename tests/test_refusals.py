@@ -155,6 +155,7 @@ OPTIONS: list[tuple[str, tuple[object, ...], tuple[str, ...]]] = [
     ("compensate", ("--low-frequency-gain", 0.2), ("for contrast, use --lift",)),
     ("compensate", (*PAPER, "--low-frequency-gain", 2), ("gain", "0..1", "got 2")),
     ("compensate", ("--frames", "1-9"), ("--frames", "one file")),
+    ("compensate", ("--frames", "1-9", "--like"), ("--like", "--dry-run --frames 1-36000")),
     ("compare", ("--lift", "nan"), ("lift", "at least 0", "got nan")),
     ("observe", ("--format", "gif"), ("gif", "use exr, png, tif, dpx, jpg")),
     ("observe", ("--dither", "blue"), ("--dither 'blue' is not known; use tpdf or none",)),

@@ -104,7 +104,7 @@ def compensate(
         known = solver if solver is None else inspect.unwrap(solver)
         if isinstance(known, Fitted) and (told := known.general(scene)):
             console.say(told)
-    writing, found = results.writing(repair=masters.repair), masters.find(doing.frames)
+    writing, found = results.writing(repair=masters.repair), doing.find(masters)
     cues: list[Cue] = []
     if method == AUTO and not doing.dry_run:
         whole = masters.find() if doing.frames else found

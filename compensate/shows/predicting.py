@@ -104,7 +104,7 @@ class Predicting(Recipe):
             posed, step, frame_triage, lost = solved
             places = _places_of(write.output, theatre.views)
             brightened = _write(places, posed, frame_triage)
-            figures = {**_figures(posed, frame_triage, step), "lost": lost}
+            figures = {**_figures(posed, frame_triage, step), "lost": lost, "gained": _gained(lost)}
             pictures = [path for place in places for path in place.pictures]
             write.beside(pictures)
             _write_small(write, posed, frame_triage)
@@ -171,6 +171,7 @@ class Predicting(Recipe):
     def columns(self) -> tuple[Column, ...]:
         """See `Recipe`."""
         return (
+            Column("gained", "To be gained", "JOD"),
             Column("visible_subtracted", "Visible after subtraction", "%"),
             Column("visible", "Visible untouched", "%"),
         )
@@ -199,6 +200,11 @@ def _judged(posed: Posed, settings: Prediction) -> tuple[Triage, Lost]:
     lost = losses(posed)
     better = {"none": Verdict.LEAVE, "subtractive": Verdict.SUBTRACT}
     return replace(found, verdict=better.get(chosen([lost]), found.verdict)), lost
+
+
+def _gained(lost: Lost) -> float:
+    """JOD that the best method gains over untouched; 0 where nothing is visible."""
+    return 0.0 if lost is None else lost["none"] - min(lost.values())
 
 
 # Where it goes.
@@ -384,15 +390,8 @@ def _percent(share: float) -> str:
 
 
 def worst(done: Done) -> list[dict[str, Any]]:
-    """The frames, those first that need most."""
-    order = [each.name.lower() for each in Verdict]
-
-    # Shares of the pixels: those of equal frames are equal, and stay in the frames' order
-    def need(frame: dict[str, Any]) -> tuple[int, float, float]:
-        rank = order.index(frame["verdict"])
-        return -rank, -frame["visible_subtracted"], -frame["visible"]
-
-    return sorted(done.frames, key=need)
+    """The frames, those first that gain most; of equal ones in their order."""
+    return sorted(done.frames, key=lambda frame: -float(frame["gained"]))
 
 
 def summary_of(done: Done, frames: list[dict[str, Any]]) -> str:
@@ -400,13 +399,13 @@ def summary_of(done: Done, frames: list[dict[str, Any]]) -> str:
     counts = Counter(frame["verdict"] for frame in done.frames)
     parts = [f"{count} {each.value}" for each in Verdict if (count := counts[each.name.lower()])]
     named = [
-        f"{_name(frame['input'])} ({_percent(frame['visible'])}, "
-        f"{_percent(frame['visible_subtracted'])} after subtraction)"
+        f"{_name(frame['input'])} ({frame['gained']:.2f} JOD; visible on "
+        f"{_percent(frame['visible'])}, {_percent(frame['visible_subtracted'])} after subtraction)"
         for frame in frames[:TOLD]
         if frame["verdict"] != Verdict.NOTHING.name.lower()
     ]
     text = f"{len(done.frames)} frames: {'; '.join(parts)}"
-    return f"{text}. Worst first: {', '.join(named)}" if named else text
+    return f"{text}. Most to be gained: {', '.join(named)}" if named else text
 
 
 def _name(source: str | list[str]) -> str:

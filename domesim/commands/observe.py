@@ -21,7 +21,7 @@ def observe(
             f"--seat {place.seat}: a dome shows all seats the same light; leave --seat out"
         )
     doing.show(
-        masters.find(doing.frames),
+        doing.find(masters),
         Observing(choice),
         console,
         what="observing",

@@ -21,6 +21,7 @@ from domesim.scene import Scene
 from domesim.shows.cinema import SUFFIX as CINEMA
 from domesim.shows.estimate import estimate
 from domesim.shows.run import FRAME_TIMEOUT, Done, Running, each_frame
+from domesim.shows.sequences import parse_frames
 from domesim.shows.show import PACKINGS, Show, find_show
 from domesim.shows.work import Recipe, Writing
 
@@ -262,6 +263,37 @@ class Doing:
             "take.",
         ),
     ] = False
+    like: Annotated[
+        bool,
+        typer.Option(
+            "--like",
+            help="With --dry-run and --frames: the master is one file, and the show has as many "
+            "frames like it.",
+        ),
+    ] = False
+
+    def find(self, masters: Masters) -> Show:
+        """The frames to do, or one that they are like.
+
+        Raises
+        ------
+        InputError
+            As for `Masters.find`; or if `like` does not go with what else was asked for.
+        """
+        if not self.like:
+            return masters.find(self.frames)
+        if not (self.dry_run and self.frames):
+            raise InputError(
+                "--like belongs to an estimate; say how many frames there will be (--dry-run "
+                "--frames 1-36000), or leave it out"
+            )
+        show = masters.find()
+        if show.numbered:
+            raise InputError(
+                f"--like: wanted one master, got {len(show.moments)}; name one of them, or leave "
+                f"--like out"
+            )
+        return show
 
     def running(self, pages: int | None = None, clips: int = 0) -> Running:
         """How a show is done; `pages` and `clips` are as for `show`."""
@@ -313,7 +345,8 @@ class Doing:
         out, writing = film_asked(self.out, show, writing)
         running = self.running(pages, clips)
         if self.dry_run:
-            estimated = estimate(show, out, recipe, console, writing, running)
+            count = len(parse_frames(self.frames)) if self.like and self.frames else None
+            estimated = estimate(show, out, recipe, console, writing, running, count)
             console.figures({**facts, "estimate": estimated})
             return
         done = each_frame(show, out, recipe, console, what=what, writing=writing, running=running)

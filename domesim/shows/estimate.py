@@ -10,6 +10,7 @@ import tempfile
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from itertools import chain
 from pathlib import Path
 from statistics import mean
 from typing import Any, final
@@ -34,7 +35,7 @@ from domesim.shows.run import (
     write_page,
 )
 from domesim.shows.show import Show
-from domesim.shows.work import Failed, Finished, Order, Recipe, Writing
+from domesim.shows.work import Failed, Files, Finished, Order, Recipe, Writing
 
 A_WORKER = 4
 """Frames that each worker does; the first has also to get ready, and does not count."""
@@ -73,6 +74,7 @@ def estimate(
     console: Console,
     writing: Writing,
     running: Running,
+    like: int | None = None,
 ) -> dict[str, Any]:
     """Time, memory and disk that a show will take with the workers that would do it.
 
@@ -81,11 +83,14 @@ def estimate(
     show, folder, recipe, console, writing, running
         As for `each_frame`; the folder may not be there yet, but its disk is tried. Of more workers
         than this machine has cores, as many are tried as it has, and the rest taken to be alike.
+    like
+        How many frames there will be like the show's only one; None if it has them all.
 
     Returns
     -------
     ``frames`` in all and ``sampled``; ``workers`` and ``threads``; ``seconds_frame`` and
-    ``seconds_total``, of which ``seconds_pages`` and ``seconds_video``; and in bytes
+    ``seconds_total``, of which ``seconds_pages`` and ``seconds_video``; ``core_hours`` of such
+    cores, to be divided by those of other machines; and in bytes
     ``memory_worker``, ``memory_total``, ``disk_frame`` (a result and the files beside it) and
     ``disk_total``, of which ``disk_pages`` and ``disk_video``. Records and tables, some kB a frame,
     are not counted. Of frames that need more memory than is free, none is tried, and only memory
@@ -101,8 +106,11 @@ def estimate(
             "--dry-run tries workers of this machine; leave --scheduler out, and say how many like "
             "these there are (--workers)"
         )
+    only = show
+    if like is not None:
+        show = replace(show, moments=like * show.moments, numbered=True)
     writing, films = becoming(show, folder, writing)
-    writing.places(show, folder)  # complains as the run would
+    writing.places(only, folder)  # complains as the run would
     crew = crew_of(running, recipe, show)
     count = len(show.moments)
     workers = 1 if crew is None else crew.workers
@@ -124,10 +132,7 @@ def estimate(
     tried = _Tried()
     with tempfile.TemporaryDirectory(prefix=".domesim-", dir=place) as scratch:
         part = show.some(chosen)
-        outputs = writing.places(part, Path(scratch))
-        for output in outputs:
-            for path in output:
-                path.parent.mkdir(parents=True, exist_ok=True)
+        outputs = _outputs(part, only, writing, Path(scratch))
         orders = orders_of(part, outputs, recipe, writing)
         with console.progress("trying", len(orders)) as start:
             do_all(orders, crew, start, tried.end, console)
@@ -141,6 +146,7 @@ def estimate(
     peak = max(each.maker["peak"] for each in tried.frames.values())
     own = peak_memory()
     steady, first = _steady(list(tried.frames.values()))
+    seconds = first + steady * count / workers + pages.seconds + video.seconds
     figures = {
         "frames": count,
         "sampled": len(tried.frames),
@@ -149,7 +155,8 @@ def estimate(
         "seconds_frame": steady,
         "seconds_pages": pages.seconds,
         "seconds_video": video.seconds,
-        "seconds_total": first + steady * count / workers + pages.seconds + video.seconds,
+        "seconds_total": seconds,
+        "core_hours": _core_seconds(list(tried.frames.values())) * count / 3600,
         "memory_worker": peak,
         "memory_total": max(peak * workers, own),
         "disk_frame": size,
@@ -160,7 +167,7 @@ def estimate(
     console.say(
         f"{_counted(count, 'frame')}, by {_counted(len(tried.frames), 'frame')} tried:",
         f"  time: {duration(figures['seconds_total'])} with {_counted(workers, 'worker')}, "
-        f"{decimal(steady)} s a frame",
+        f"{decimal(steady)} s a frame; {decimal(figures['core_hours'])} core-hours",
         f"  memory: {sized(figures['memory_total'])}",
         f"  disk: {sized(figures['disk_total'])}",
     )
@@ -168,6 +175,18 @@ def estimate(
         if cost.seconds:
             console.say(f"  in it, {what}: {duration(cost.seconds)}, {sized(cost.disk)}")
     return figures
+
+
+def _outputs(part: Show, only: Show, writing: Writing, scratch: Path) -> Sequence[Files]:
+    """Where trials go; those of one master have folders of their own."""
+    if part.moments == only.moments or len(only.moments) > 1:
+        outputs = writing.places(part, scratch)
+    else:
+        folders = (scratch / str(k) for k in range(len(part.moments)))
+        outputs = tuple(writing.places(only, folder)[0] for folder in folders)
+    for path in chain(*outputs):
+        path.parent.mkdir(parents=True, exist_ok=True)
+    return outputs
 
 
 def _counted(count: int, thing: str) -> str:
@@ -220,6 +239,16 @@ def _steady(trials: Sequence[Finished]) -> tuple[float, float]:
     if not others:
         return mean(firsts), 0.0
     return mean(others), max(0.0, mean(firsts) - mean(others))
+
+
+def _core_seconds(trials: Sequence[Finished]) -> float:
+    """Core-seconds of a frame: of those after a worker's first, or of one alone with its start."""
+    ends: dict[tuple[str, int], list[float]] = {}
+    for each in trials:
+        ends.setdefault((each.maker["host"], each.maker["pid"]), []).append(each.maker["cpu"])
+    if further := sum(len(known) - 1 for known in ends.values()):
+        return sum(max(known) - min(known) for known in ends.values()) / further
+    return mean(chain(*ends.values()))
 
 
 def _bytes_in(folder: Path) -> int:

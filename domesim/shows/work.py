@@ -344,8 +344,8 @@ class Finished:
     seconds
         Seconds of ``reading`` (and preparing), ``solving`` and ``writing`` (and finishing).
     maker
-        Who did it: ``host``, ``pid``, and the memory that this process has (``resident``) and had
-        at most (``peak``), bytes.
+        Who did it: ``host``, ``pid``, the memory that this process has (``resident``) and had at
+        most (``peak``), bytes, and the seconds of all its threads so far (``cpu``).
     kept
         Whether it had been done before.
     again
@@ -570,12 +570,13 @@ class _Writer:
 
 
 def _maker() -> dict[str, Any]:
-    """Returns the fields of `Finished` about this process; memory is in bytes."""
+    """Returns the fields of `Finished` about this process."""
     return {
         "host": socket.gethostname(),
         "pid": os.getpid(),
         "resident": psutil.Process().memory_info().rss,
         "peak": peak_memory(),
+        "cpu": time.process_time(),
     }
 
 

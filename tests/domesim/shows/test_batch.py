@@ -837,6 +837,25 @@ def test_a_dry_run_tells_and_leaves_nothing(tmp_path: Path, recipe: Harmful) -> 
     assert figures["disk_total"] == pytest.approx(took, rel=0.02)
 
 
+@pytest.mark.parametrize("workers", [0, 2])
+def test_a_dry_run_of_one_master_tells_of_many_like_it(
+    tmp_path: Path, recipe: Harmful, workers: int
+) -> None:
+    make_show(tmp_path / "in", 1)
+    busy = Harmful(recipe.log, seconds=0.05)
+    only = find_show(str(tmp_path / "in/in.0001.exr"))
+    console, running = Console(quiet=True), Running(workers, threads=1 if workers else None)
+    figures = estimate(only, tmp_path / "out", busy, console, Writing(), running, 36000)
+    assert figures["frames"] == 36000
+    assert set(busy.begun()) == {"in.0001.exr"}
+    assert len(busy.begun()) == figures["sampled"] == 4 * max(1, workers)
+    of_36 = estimate(only, tmp_path / "out", busy, console, Writing(), running, 36)
+    assert figures["disk_total"] == 1000 * of_36["disk_total"]
+    # It sleeps: what cores do in that time does not count its sleep
+    assert 0 < 3600 * figures["core_hours"] < 36000 * figures["seconds_frame"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["in", "log"]
+
+
 def test_a_dry_run_of_what_cannot_be_done_says_so(tmp_path: Path, recipe: Harmful) -> None:
     make_show(tmp_path / "in", 3)
     for path in (tmp_path / "in").iterdir():
