@@ -35,9 +35,6 @@ ADVICE = {
         "--iconfig oiio:UnassociatedAlpha 1 IN --ch R,G,B -o OUT",
         "R, G, B as they are stored, without alpha",
     ),
-    "R, G, B alone": Advice(
-        "oiiotool", "IN --ch R,G,B -o OUT", "R, G, B as they are, without other channels"
-    ),
     "grey": Advice(
         "oiiotool", "IN --ch R={grey},G={grey},B={grey} -o OUT", "the one channel as R, G and B"
     ),

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 from domesim.frames import Master, read_master
-from domesim.frames.writing import writer_of
+from domesim.frames.formats.base import writer_of
 from domesim.light import Light
 
 

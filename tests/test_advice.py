@@ -85,9 +85,11 @@ def test_the_part_that_is_a_picture_is_taken(tmp_path: Path, suffix: str) -> Non
         depth = oiio.ImageSpec(48, 32, 1, "float")
         depth.channelnames = ("Z",)
         depth.attribute("oiio:subimagename", "depth")
-        pages, number = [(depth, LIGHT[..., :1]), (specs[1], LIGHT)], 1
+        specs[0].attribute("oiio:subimagename", "other")
+        pages = [(depth, LIGHT[..., :1]), (specs[1], LIGHT), (specs[0], 1 - LIGHT)]
+        number = 1
     path = save(tmp_path / f"in.{suffix}", *pages)
-    with pytest.raises(InputError) as caught:  # masters take it by themselves: --layer
+    with pytest.raises(InputError) as caught:
         read_frame(path)
     message = str(caught.value)
     assert ADVICE["one part"].given(number=number) in message
@@ -106,17 +108,6 @@ def test_colours_under_an_alpha_of_0_come_out_whole(tmp_path: Path, name: str) -
     out = tmp_path / f"out{path.suffix if path.suffix != '.tga' else '.png'}"
     follow("no alpha", path, out)
     same(read_frame(out), codes / np.float32(most), atol=1e-6)
-
-
-def test_other_channels_go_and_light_stays(tmp_path: Path) -> None:
-    spec = oiio.ImageSpec(48, 32, 4, "half")
-    spec.channelnames = ("B", "G", "R", "id")
-    spec.channelformats = tuple(oiio.TypeDesc(kind) for kind in ("half", "half", "half", "uint"))
-    samples = np.dstack([LIGHT[..., ::-1], np.ones((32, 48), np.float32)])
-    path = save(tmp_path / "in.exr", (spec, samples))
-    assert ADVICE["R, G, B alone"].given() in refusal(path)
-    follow("R, G, B alone", path, tmp_path / "out.exr")
-    same(read_frame(tmp_path / "out.exr"), LIGHT)
 
 
 @pytest.mark.parametrize("suffix", ["exr", "png", "dpx"])

@@ -30,9 +30,10 @@ from compensate.report_card import losses
 from compensate.shows.cues import chosen, lost_by
 from compensate.shows.over_time import timeline
 from domesim.frames import ColourTag, Master
-from domesim.frames.formats.exr import state_compression
+from domesim.frames.formats import FORMATS
+from domesim.frames.formats.exr import written
 from domesim.frames.formats.png import colour_chunks, with_colour_chunks
-from domesim.frames.writing import bare_specification, encode
+from domesim.frames.writing import bare_specification
 from domesim.host.writing import write_together
 from domesim.inspection.magnitudes import SOURCES, Faintest
 from domesim.light.blocks import light_means
@@ -297,7 +298,7 @@ def _png(path: Path, plane: Planes, ghost: Planes, caption: str) -> bytes:
     codes = np.rint(picture * 255).astype(np.uint8)
     attributes = [("ImageDescription", "string", caption)]
     spec = bare_specification(("Y",), ("uint8",), (codes.shape[1], codes.shape[0]), attributes)
-    png = encode(path, "png", [(spec, codes)])
+    png = FORMATS["png"].encoded(path, spec, codes)
     return with_colour_chunks(png, colour_chunks(ColourTag("srgb", "BT.709", "computed")))
 
 
@@ -315,10 +316,8 @@ def _exr(place: _Place, triage: Triage) -> bytes:
     names = tuple(f"{name}{channel}" for name in place.views for channel in CHANNELS)
     samples = np.stack([planes[k] for k in place.views.values() for planes in each], axis=-1)
     samples = _rounded(samples.astype(np.float32))
-    size = (samples.shape[1], samples.shape[0])
-    spec = bare_specification(names, ("float",) * len(names), size, [])
-    state_compression(spec, None)
-    return encode(place.maps, "openexr", [(spec, samples)])
+    planes = dict(zip(names, np.moveaxis(samples, -1, 0), strict=True))
+    return written(place.maps, [({}, planes)])
 
 
 def _rounded(samples: Planes) -> Planes:

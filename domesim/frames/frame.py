@@ -15,6 +15,7 @@ from domesim.frames.colour import ColourTag
 from domesim.frames.depths import code_range
 from domesim.frames.eyes import Eyes
 from domesim.frames.formats.base import Format
+from domesim.frames.formats.exr import Part
 from domesim.frames.halves import are_sound
 from domesim.frames.orientation import UPRIGHT
 
@@ -47,6 +48,7 @@ class Header:
     orientation: int = UPRIGHT  # Exif's number
     eyes: Eyes | None = None  # how two views are packed, if it says so
     notes: tuple[str, ...] = ()  # what a person should know of how it was read
+    parts: tuple[int | Part, ...] = (0,)  # of its EXR: 0 is its own
 
     @property
     def alpha(self) -> int | None:

@@ -12,7 +12,7 @@ from domesim.frames.colour import TRANSFER_NAMES
 from domesim.frames.exr_parts import channels_by_view, stated_views
 from domesim.frames.eyes import Eyes
 from domesim.frames.frame import Frame, Pixels
-from domesim.frames.reading import listed
+from domesim.frames.layers import listed
 from domesim.frames.timing import differing
 from domesim.frames.video import EYES, eye_of, file_of
 

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, BinaryIO, TypeAlias
 
@@ -21,7 +22,7 @@ from domesim.frames.colour import ColourTag
 from domesim.frames.depths import FLOATING, INTEGER, code_span, dtype_of
 from domesim.frames.formats import FORMATS, LABELS
 from domesim.frames.formats.base import Format, Window, camera_raw
-from domesim.frames.formats.exr import halves_of
+from domesim.frames.formats.exr import EXR, Part, as_carried, halves_of
 from domesim.frames.frame import Frame, Header, Pixels
 from domesim.frames.halves import are_sound
 from domesim.frames.integrity import (
@@ -31,6 +32,15 @@ from domesim.frames.integrity import (
     enough_memory,
     projected,
     refuse_sides,
+)
+from domesim.frames.layers import (
+    find_grey,
+    find_layer,
+    find_rgb,
+    layer_of,
+    layers_of,
+    picture_part,
+    refuse_layer,
 )
 from domesim.frames.messages import one_line, problem_of
 from domesim.frames.orientation import UPRIGHT, known, turned
@@ -93,12 +103,13 @@ def read_image(
             refuse_layer(path, layer, "a video")
             return read_video_frame(path, colour=colour, projection=projection)
         with opened(path, projection=projection) as (reader, form):
-            if form.channels == "any":  # its picture may not be the first part
-                refuse_several_images(path, reader)
-            layout = layout_of(path, reader, form, grey=grey, colour=colour, layer=layer)
-            samples = read_channels(path, reader, layout)
+            specs = parts_of(reader)
+            layout = partial(layout_of, grey=grey or len(specs) > 1, colour=colour)
+            pictures = [picture_part(path, specs, layer)]
+            ((found, samples),), parts = read_parts(path, reader, form, pictures, layer, layout)
             refuse_several_images(path, reader)
-        return frame_of(path, layout, samples, repair=repair, signed=signed, halves=halves)
+        found = replace(found, header=replace(found.header, parts=parts))
+        return frame_of(path, found, samples, repair=repair, signed=signed, halves=halves)
 
 
 def size_of(path: Path) -> tuple[int, int]:
@@ -316,12 +327,12 @@ def layout_of(
     rgb = find_grey(channels) if grey and layer is None and form.channels == "any" else None
     notes, found = list(form.notes), layer
     if layer is not None:
-        rgb = _layer(path, channels, layer)
+        rgb = layer_of(path, channels, layer)
     elif rgb is None and view is None and form.channels == "any":
-        rgb, found = _find_layer(channels)
+        rgb, found = find_layer(channels)
     notes += [f"layer {found}"] if found else []
     if rgb is None:
-        rgb = _find_rgb(path, spec.get_string_attribute(f"{form.name}:ColorSpace"), channels, named)
+        rgb = find_rgb(path, spec.get_string_attribute(f"{form.name}:ColorSpace"), channels, named)
     kinds = tuple(kinds_of(spec)[place] for place in places)
     bits, floating = _depth(path, spec, {kinds[channel] for channel in rgb})
     meant, stated = _colours(path, spec, form, colour)
@@ -444,103 +455,6 @@ def refuse_implausible_size(
         )
 
 
-def find_grey(channels: Sequence[str]) -> tuple[int, int, int] | None:
-    """Which channel is Y, for R, G and B; None if Y is not the only picture that there is."""
-    upper = [name.upper() for name in channels]
-    # X: CIE XYZ. RY, BY: chroma, which OpenEXR keeps at half the size.
-    if upper.count("Y") != 1 or not {"R", "G", "B", "X", "RY", "BY"}.isdisjoint(upper):
-        return None
-    return (upper.index("Y"),) * 3
-
-
-def _find_layer(channels: tuple[str, ...]) -> tuple[tuple[int, int, int] | None, str]:
-    """Which channels are R, G, B of the only layer, or of that which combines others; or X, Y, Z.
-
-    And the layer's name; None and "" where R, G, B stand alone, or it is open which layer is meant.
-    """
-    upper = [channel.upper() for channel in channels]
-    if not {"R", "G", "B"}.isdisjoint(upper):
-        return None, ""
-    if all(upper.count(axis) == 1 for axis in "XYZ"):
-        return (upper.index("X"), upper.index("Y"), upper.index("Z")), ""
-    layers = [layer for layer in layers_of(channels) if layer]
-    combined = [layer for layer in layers if layer.rpartition(".")[2].lower() == "combined"]
-    chosen = layers if len(layers) == 1 else combined
-    if len(chosen) != 1:
-        return None, ""
-    return _ends(channels, chosen[0]), chosen[0]
-
-
-def _ends(channels: Sequence[str], layer: str) -> tuple[int, int, int]:
-    """Which channels are R, G, B of a layer."""
-    upper = [channel.upper() for channel in channels]
-    red, green, blue = (upper.index(f"{layer}.{end}".upper()) for end in "RGB")
-    return red, green, blue
-
-
-def _layer(path: Path, channels: tuple[str, ...], layer: str) -> tuple[int, int, int]:
-    """Which channels are R, G, B of a layer that was asked for."""
-    layers = layers_of(channels)
-    if layer not in layers:
-        raise InputError(
-            f"{path}: wanted layer {one_line(layer)!r} of R, G, B, got "
-            f"{listed(layers) or 'no layers'}. Choose one of these, or leave --layer out."
-        )
-    return _ends(channels, layer)
-
-
-def refuse_layer(path: Path, layer: str | None, kind: str) -> None:
-    """Refuse to look for a layer where there are none."""
-    if layer is not None:
-        raise InputError(
-            f"{path}: wanted layer {one_line(layer)!r}, got {kind}, which has none. Leave --layer "
-            "out."
-        )
-
-
-def _find_rgb(path: Path, model: str, channels: tuple[str, ...], view: str) -> tuple[int, int, int]:
-    """Which channels are R, G, B."""
-    # OpenImageIO turns others into an RGB of its own making.
-    if model not in ("", "RGB", "YCbCr", "palette"):
-        raise InputError(f"{path}: wanted channels R, G, B, got {model}. Convert it to RGB.")
-    indices = [[k for k, name in enumerate(channels) if name.lower() == wanted] for wanted in "rgb"]
-    if all(len(matches) == 1 for matches in indices):
-        red, green, blue = (matches[0] for matches in indices)
-        return red, green, blue
-    grey = next((name for name in channels if name.upper() in ("Y", "L", "I")), None)
-    layers = [layer for layer in layers_of(channels) if layer]
-    way = ADVICE["grey"].given(grey=grey) if grey and len(channels) < 3 else ""
-    if layers:
-        way = (
-            f"choose one of layers {listed(layers)}: --layer {one_line(layers[0])}, or "
-            f"{ADVICE['layer'].given(layer=layers[0])}"
-        )
-    names = listed(channels)
-    if view:
-        raise InputError(
-            f"{path}: wanted one each of channels R, G, B, or Y alone, in view {view}, got "
-            f"{names or 'none'}. Name them so where it was made."
-        )
-    raise InputError(
-        f"{path}: wanted one each of channels R, G, B, got {names}. "
-        f"Convert it to RGB first{f' ({way})' if way else ' where it was made'}."
-    )
-
-
-def layers_of(channels: Sequence[str]) -> list[str]:
-    """Names of layers that have R, G and B: ``beauty`` of ``beauty.R``."""
-    ends = (
-        {name.rpartition(".")[0] for name in channels if name.upper().endswith(end)}
-        for end in (".R", ".G", ".B")
-    )
-    return sorted(set.intersection(*ends))
-
-
-def listed(names: Sequence[str]) -> str:
-    """The first of `names`, for a message."""
-    return one_line(", ".join(names[:8])) + (", ..." if len(names) > 8 else "")
-
-
 def _depth(path: Path, spec: Any, kinds: set[str]) -> tuple[int, bool]:
     """Bits of a sample of R, G, B, and whether they are floating."""
     if kinds <= set(FLOATING):
@@ -562,6 +476,70 @@ Samples: TypeAlias = tuple[NDArray[Any], list[NDArray[Any]]]
 """(row, col, 3) R, G, B and (row, col) others, as they are stored (R, G, B may be widened)."""
 
 
+def parts_of(reader: Any) -> list[Any]:
+    """Headers of an EXR's parts; of another file, of its first image."""
+    count = reader.spec().get_int_attribute("oiio:subimages", 1)
+    of_exr = reader.format_name() == "openexr"
+    return [reader.spec(part) for part in range(count)] if of_exr else [reader.spec()]
+
+
+def read_parts(
+    path: Path,
+    reader: Any,
+    form: Format,
+    pictures: Sequence[int],
+    layer: str | None,
+    layout: Callable[..., Layout],
+) -> tuple[list[tuple[Layout, Samples]], tuple[int | Part, ...]]:
+    """The parts that are `pictures`; and the order of all, as of `Header.parts`."""
+    specs = parts_of(reader)
+    found: dict[int, tuple[Layout, Samples]] = {}
+    parts: list[int | Part] = []
+    for index, spec in enumerate(specs):
+        if not reader.seek_subimage(index, 0):
+            raise damaged(path, form.label, f"one without part {index + 1} of {len(specs)}")
+        if index not in pictures:
+            parts.append(_read_beside(path, reader, form))
+            continue
+        own, of_part, names = None, layer, tuple(spec.channelnames)
+        if len(specs) > 1:
+            view = spec.get_string_attribute("view")
+            own = View(view, dict(enumerate(names))) if view else None
+            of_part = layer if layer in layers_of(names) else None
+        where = layout(path, reader, form, view=own, layer=of_part)
+        if len(specs) > 1 and own is None:
+            name = one_line(spec.get_string_attribute("oiio:subimagename"))
+            notes = (*where.header.notes, f"part {name} of {len(specs)}")
+            where = replace(where, header=replace(where.header, notes=notes))
+        place = pictures.index(index)
+        found[place] = where, read_channels(path, reader, where)
+        parts.append(place)
+    return [found[place] for place in sorted(found)], tuple(parts)
+
+
+def _read_beside(path: Path, reader: Any, form: Format) -> Part:
+    """The reader's present part, which is no picture."""
+    spec, of_part = reader.spec(), form.of_part(reader.current_subimage())
+    if spec.deep:
+        raise InputError(
+            f"{path}: wanted flat parts beside the picture, got one of deep samples. "
+            "Remove or flatten it first."
+        )
+    data: Window = (spec.x, spec.y, spec.width, spec.height)
+    display: Window = (spec.full_x, spec.full_y, spec.full_width, spec.full_height)
+    refuse_implausible_size(path, spec, form, data, display)
+    kinds, channels = kinds_of(spec), channels_of(path, spec)
+    if len(set(kinds)) == 1:
+        samples = read_samples(path, reader, range(len(channels)), kinds[0])
+        planes = [samples[..., k] for k in range(len(channels))]
+    else:
+        planes = [read_plane(path, reader, k, kind) for k, kind in enumerate(kinds)]
+    assert isinstance(of_part, EXR)
+    named = {"name": spec.get_string_attribute("oiio:subimagename")}
+    carried = of_part.carried[0] if of_part.carried else as_carried(named)
+    return Part(carried, data, display, dict(zip(channels, planes, strict=True)))
+
+
 def read_channels(path: Path, reader: Any, layout: Layout) -> Samples:
     """Reads the samples of `layout`."""
     header = layout.header
@@ -578,23 +556,12 @@ def read_channels(path: Path, reader: Any, layout: Layout) -> Samples:
     places = [layout.places[k] for k in header.rgb]
     span = range(min(places), max(places) + 1)
     rgb = read_samples(path, reader, span, "float")[..., [span.index(k) for k in places]]
-    return rgb, [
-        read_plane(path, reader, layout.places[k], header.channels[k], header.kinds[k])
-        for k in others
-    ]
+    return rgb, [read_plane(path, reader, layout.places[k], header.kinds[k]) for k in others]
 
 
-def read_plane(path: Path, reader: Any, place: int, channel: str, kind: str) -> NDArray[Any]:
+def read_plane(path: Path, reader: Any, place: int, kind: str) -> NDArray[Any]:
     """(row, col) of one channel among several types, as stored."""
-    plane = read_samples(path, reader, range(place, place + 1), kind)[..., 0]
-    # Channels of several types can only be written through float32, which scales integers to
-    # 0..1: below 2^22 each comes back exactly (tried), above it does not.
-    if kind == "uint" and plane.max() >= 2**22:
-        raise InputError(
-            f"{path}: wanted integers below {2**22} in channel {channel}, got "
-            f"{plane.max()}. Remove the channel ({ADVICE['R, G, B alone'].given()})."
-        )
-    return plane
+    return np.asarray(read_samples(path, reader, range(place, place + 1), kind)[..., 0])
 
 
 def read_samples(path: Path, reader: Any, channels: range, kind: str) -> NDArray[Any]:
@@ -645,27 +612,15 @@ def refuse_several_images(path: Path, reader: Any) -> None:
     # FFmpeg's image2pipe makes one file of all frames; OpenImageIO reads the first.
     piped = reader.format_name() == "pnm" and spec.get_int_attribute("pnm:binary")
     several = piped and path.stat().st_size >= 2 * spec.image_bytes(True)
-    layered = FORMATS[reader.format_name()].layered
-    several = several or (not layered and bool(reader.seek_subimage(1, 0)))
-    problem_of(reader)
-    if several:
-        specs = [*_parts(reader)]
-        pictures = [k for k, each in enumerate(specs) if {"R", "G", "B"} <= {*each.channelnames}]
-        names = [each.get_string_attribute("oiio:subimagename") for each in specs]
+    # Their parts are told apart, or are layers.
+    form = FORMATS[reader.format_name()]
+    one = form.channels == "any" or form.layered
+    if several or (not one and reader.seek_subimage(1, 0)):
         raise InputError(
-            f"{path}: wanted one image, got a file of several parts or pages"
-            f"{f' ({listed(names)})' if any(names) else ''}. Take one alone "
-            f"({ADVICE['one part'].given(number=pictures[0] if pictures else 0)})."
+            f"{path}: wanted one image, got a file of several parts or pages. Take one alone "
+            f"({ADVICE['one part'].given(number=0)})."
         )
-
-
-def _parts(reader: Any) -> Iterator[Any]:
-    """Headers of an EXR's parts."""
-    if reader.format_name() == "openexr":
-        for number in range(reader.spec().get_int_attribute("oiio:subimages", 1)):
-            if reader.seek_subimage(number, 0):
-                yield reader.spec()
-        problem_of(reader)
+    problem_of(reader)
 
 
 # The frame.

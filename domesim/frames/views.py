@@ -94,7 +94,7 @@ class Master:
         How they lie in files. Another one may be chosen by `dataclasses.replace`, except the two
         of an EXR, which need a file to have come from.
     file
-        What else an EXR of several parts or views holds, and its order; None for other files.
+        What else an EXR of left and right holds, and its order; None for other files.
     eyes
         What a file of packed views says of them; None if it says nothing.
     quilt
@@ -345,9 +345,7 @@ def write_master(
     """
     files = tuple(Path(path) for path in paths)
     require_writable(master, files, bits)
-    if master.packing == "single" and master.file is not None and keeps_layers(files[0]):
-        write_together([(files[0], encoded_several(master.frames, master.file, files[0], bits))])
-    elif master.packing in ("single", "files"):
+    if master.packing in ("single", "files"):
         with ThreadPoolExecutor(len(files)) as eyes:
             seeds = [
                 seed_of(frame.path, view) if dither else None
@@ -506,8 +504,7 @@ def _read_file(
         found = several(path)
     if found is not None:
         frames, file = found
-        views: Packing = "multi-view" if isinstance(file, MultiView) else "multi-part"
-        return Master(frames, "single" if len(frames) == 1 else views, file)
+        return Master(frames, "multi-view" if isinstance(file, MultiView) else "multi-part", file)
     with enough_memory(path):
         pair = _read_mpo(path, read, taken=packing == "mpo")
     if pair is not None:

@@ -8,8 +8,7 @@ file.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, closing, contextmanager
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -18,19 +17,18 @@ import numpy as np
 import OpenImageIO as oiio  # noqa: N813 (its own documentation calls it so)
 from numpy.typing import NDArray
 
-from domesim.errors import InputError, reason
+from domesim.errors import InputError
 from domesim.frames.alpha import is_opaque, straightened
 from domesim.frames.colour import BT709_LUMINANCE
 from domesim.frames.depths import code_range, code_span, dtype_of, kind_of
 from domesim.frames.dithering import Seed, dither, seed_of
 from domesim.frames.formats import FORMATS, SUFFIXES
 from domesim.frames.formats.base import Format, Target
+from domesim.frames.formats.exr import EXR, Attributes, Part, beside, header_for, written
 from domesim.frames.frame import Frame, Pixels
 from domesim.frames.halves import are_sound
 from domesim.frames.integrity import LARGEST_SIDE
-from domesim.frames.messages import problem_of
 from domesim.frames.orientation import UPRIGHT, turned_back
-from domesim.host.system import in_memory
 from domesim.host.writing import write_whole
 from domesim.light.strips import converted
 
@@ -75,10 +73,39 @@ def write_frame(
 def encoded(frame: Frame, path: Path, bits: int | None, seed: Seed | None = None) -> bytes:
     """What `write_frame` puts at `path`, dithered if there is a `seed`."""
     target = target_of(frame, path, bits)
+    if isinstance(target.format, EXR):
+        return encoded_parts(path, [frame], [target], frame.header.parts)
     frame = as_stored(frame, target)
     spec = specification(frame, target)
-    content = encode(path, target.format.name, [(spec, samples_of(frame, target, seed))])
+    content = target.format.encoded(path, spec, samples_of(frame, target, seed))
     return target.format.finished(content, path, target)
+
+
+def encoded_parts(
+    path: Path, frames: Sequence[Frame], targets: Sequence[Target], order: Sequence[int | Part]
+) -> bytes:
+    """An EXR's bytes.
+
+    Parameters
+    ----------
+    path
+        The file to write, for messages.
+    frames, targets
+        What is written, and how.
+    order
+        Its parts: which of the frames, or what is beside them.
+    """
+    made = [part_of(path, *each) for each in zip(frames, targets, strict=True)]
+    stated = {name: value for name, value in made[0][0].items() if name == "chromaticities"}
+    parts = [made[each] if isinstance(each, int) else beside(each, stated) for each in order]
+    return written(path, parts)
+
+
+def part_of(path: Path, frame: Frame, target: Target) -> tuple[Attributes, dict[str, NDArray[Any]]]:
+    """Attributes and (row, col) of each channel of an EXR's part; parameters as above."""
+    stored = as_stored(frame, target)
+    header = header_for(path, specification(stored, target), target)
+    return header, dict(zip(target.channels, planes_of(stored, target), strict=True))
 
 
 # Which file, of which samples.
@@ -178,29 +205,21 @@ def samples_of(frame: Frame, target: Target, seed: Seed | None = None) -> NDArra
     """(row, col, channel) in the type that the encoder takes, dithered if there is a `seed`."""
     if target.sources == (0, 1, 2):
         return _encoded_rgb(frame.pixels, target, seed)
-    return interleaved(planes_of(frame, target, seed), target.kinds)
+    return np.stack(planes_of(frame, target, seed), -1)
 
 
 def planes_of(frame: Frame, target: Target, seed: Seed | None = None) -> list[NDArray[Any]]:
-    """(row, col) of each channel, not yet of one type; `seed` as for `samples_of`."""
+    """(row, col) of each channel, in the type of the file; `seed` as for `samples_of`."""
     rgb = _encoded_rgb(frame.pixels, target, seed)
-    return [
-        _luminance(frame.pixels).astype(rgb.dtype)
+    planes = [
+        _luminance(frame.pixels)
         if source == _LUMINANCE
         else rgb[..., source]
         if source < 3
         else frame.header.extra[source - 3]
         for source in target.sources
     ]
-
-
-def interleaved(planes: Sequence[NDArray[Any]], kinds: Sequence[str]) -> NDArray[Any]:
-    """(row, col, channel) of (row, col) planes, in the type that the encoder takes."""
-    kind = np.dtype(np.float32) if len(set(kinds)) > 1 else dtype_of(kinds[0])
-    samples = np.empty((*planes[0].shape, len(planes)), kind)
-    for channel, plane in enumerate(planes):
-        samples[..., channel] = plane if plane.dtype == kind else _rescaled(plane, kind)
-    return samples
+    return [_as_kind(*each) for each in zip(planes, map(dtype_of, target.kinds), strict=True)]
 
 
 def _luminance(pixels: Pixels) -> NDArray[np.float64]:
@@ -247,8 +266,10 @@ def _encoded_rgb(pixels: Pixels, target: Target, seed: Seed | None) -> NDArray[A
     return codes
 
 
-def _rescaled(plane: NDArray[Any], kind: np.dtype[Any]) -> NDArray[Any]:
+def _as_kind(plane: NDArray[Any], kind: np.dtype[Any]) -> NDArray[Any]:
     """`plane` as `kind`, integers standing for 0..1."""
+    if plane.dtype == kind:
+        return plane
     values = plane.astype(np.float64)
     if np.issubdtype(plane.dtype, np.integer):
         values /= np.iinfo(plane.dtype).max
@@ -343,49 +364,3 @@ def _keeps_colour(frame: Frame) -> bool:
     if read is None or not frame.colour.means_the_same_as(read):
         return False
     return frame.colour.assumed or not read.assumed
-
-
-# The bytes.
-
-
-def encode(path: Path, name: str, parts: Sequence[tuple[Any, NDArray[Any]]]) -> bytes:
-    """A file's bytes; several `parts` (specification, samples) only of a format of parts."""
-    form, whole = FORMATS[name], parts[0][1]
-    if len(parts) == 1:
-        parts = [form.headed(*parts[0])]
-    with ExitStack() as stack:
-        try:
-            memory, place = stack.enter_context(in_memory(form.encoder_suffix(path)))
-        except OSError as error:
-            raise InputError(
-                f"{path}: wanted room for temporary files, got '{reason(error)}'. Free some space "
-                "there, or set TMPDIR."
-            ) from error
-        writer = stack.enter_context(writer_of(name))
-        # The first header describes all parts.
-        header = parts[0][0] if len(parts) == 1 else tuple(spec for spec, _ in parts)
-        written = all(
-            (writer.open(place, spec, "AppendSubimage") if k else writer.open(place, header))
-            and writer.write_image(np.ascontiguousarray(samples))
-            # A close that succeeds may still leave an error here: TIFF complains of empty Exif.
-            and not writer.has_error
-            for k, (spec, samples) in enumerate(parts)
-        )
-        problem = problem_of(writer)
-        closed = writer.close()
-        problem = problem or problem_of(writer)
-        if not (written and closed):
-            raise InputError(
-                f"{path}: wanted to encode a {form.label}, got '{problem}'. Write another format."
-            )
-        memory.seek(0)
-        content = memory.read()
-        return content if len(parts) > 1 else form.filled(content, parts[0][0], whole)
-
-
-@contextmanager
-def writer_of(name: str) -> Iterator[Any]:
-    """OpenImageIO's writer of a format, by its name or a file's; closed in the end."""
-    writer: Any = oiio.ImageOutput.create(name)
-    with closing(writer):
-        yield writer

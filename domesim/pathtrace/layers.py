@@ -11,7 +11,7 @@ import OpenImageIO as oiio  # noqa: N813 (its own documentation calls it so)
 from numpy.typing import NDArray
 
 from domesim.errors import InputError
-from domesim.frames.writing import writer_of
+from domesim.frames.formats.base import writer_of
 from domesim.host.writing import written_to
 
 if TYPE_CHECKING:

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from domesim.frames.colour import ColourTag
+from domesim.frames.formats import FORMATS
 from domesim.frames.formats.png import colour_chunks, with_colour_chunks
-from domesim.frames.writing import bare_specification, encode
+from domesim.frames.writing import bare_specification
 from domesim.host.writing import write_whole
 from domesim.light import Light
 from domesim.light.blocks import light_means
@@ -62,7 +63,8 @@ def write_small(place: Path, pictures: Sequence[NDArray[np.floating]]) -> None:
     light = np.hstack([each for part in parts for each in (gap, part)][1:])
     pixels = np.rint(255 * SRGB().encode(light)).astype(np.uint8)
     names, size = ("R", "G", "B"), (pixels.shape[1], pixels.shape[0])
-    png = encode(place, "png", [(bare_specification(names, ("uint8",) * 3, size, []), pixels)])
+    spec = bare_specification(names, ("uint8",) * 3, size, [])
+    png = FORMATS["png"].encoded(place, spec, pixels)
     place.parent.mkdir(exist_ok=True)  # not the job's folder: its loss is reported
     colour = colour_chunks(ColourTag("srgb", "BT.709", "computed"))
     write_whole(place, with_colour_chunks(png, colour))

@@ -6,16 +6,18 @@ a format's own, in its module.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO, ClassVar, Literal, Self, TypeAlias, final
 
 import numpy as np
+import OpenImageIO as oiio  # noqa: N813 (its own documentation calls it so)
 from numpy.typing import NDArray
 
 from domesim.advice import ADVICE
-from domesim.errors import InputError
+from domesim.errors import InputError, reason
 from domesim.frames.colour import (
     ColourTag,
     colour_of_cicp,
@@ -25,6 +27,8 @@ from domesim.frames.colour import (
 )
 from domesim.frames.depths import FLOATING
 from domesim.frames.eyes import Eyes
+from domesim.frames.messages import problem_of
+from domesim.host.system import in_memory
 
 Window: TypeAlias = tuple[int, int, int, int]
 """Left, top, cols, rows."""
@@ -316,41 +320,24 @@ class Format:
         if self.exif and is_srgb(colour) and not colour.assumed:
             spec.attribute("oiio:ColorSpace", "srgb_rec709_scene")
 
-    def headed(self, spec: Any, samples: NDArray[Any]) -> tuple[Any, NDArray[Any]]:
-        """What OpenImageIO is to encode: all, or so little that the header comes of it.
+    def encoded(self, path: Path, spec: Any, samples: NDArray[Any]) -> bytes:
+        """Encode a picture.
 
         Parameters
         ----------
+        path
+            The file to write, for messages.
         spec
-            OpenImageIO's, of the file to write.
+            OpenImageIO's, of the picture.
         samples
             (row, col, channel) codes.
 
         Returns
         -------
-        spec, samples
-            The same, or those of a smaller picture, which `filled` completes.
-        """
-        return spec, samples
-
-    def filled(self, content: bytes, spec: Any, samples: NDArray[Any]) -> bytes:
-        """Complete what OpenImageIO made of `headed`.
-
-        Parameters
-        ----------
         content
-            What OpenImageIO encoded.
-        spec
-            As `headed` returned it.
-        samples
-            (row, col, channel) codes, all of them.
-
-        Returns
-        -------
-        content
-            The file with all samples.
+            The file's bytes.
         """
-        return content
+        return encode(path, self, spec, samples)
 
     def encoder_suffix(self, path: Path) -> str:
         """What its encoder must see at the end of the file's name, if it looks."""
@@ -378,6 +365,42 @@ class Format:
             The file's bytes.
         """
         return content
+
+
+def encode(path: Path, form: Format, spec: Any, samples: NDArray[Any]) -> bytes:
+    """A file's bytes, by OpenImageIO; parameters as for `Format.encoded`."""
+    with ExitStack() as stack:
+        try:
+            memory, place = stack.enter_context(in_memory(form.encoder_suffix(path)))
+        except OSError as error:
+            raise InputError(
+                f"{path}: wanted room for temporary files, got '{reason(error)}'. Free some space "
+                "there, or set TMPDIR."
+            ) from error
+        writer = stack.enter_context(writer_of(form.name))
+        # A close that succeeds may still leave an error behind: TIFF complains of empty Exif.
+        written = (
+            writer.open(place, spec)
+            and writer.write_image(np.ascontiguousarray(samples))
+            and not writer.has_error
+        )
+        problem = problem_of(writer)
+        closed = writer.close()
+        problem = problem or problem_of(writer)
+        if not (written and closed):
+            raise InputError(
+                f"{path}: wanted to encode a {form.label}, got '{problem}'. Write another format."
+            )
+        memory.seek(0)
+        return memory.read()
+
+
+@contextmanager
+def writer_of(name: str) -> Iterator[Any]:
+    """OpenImageIO's writer of a format, by its name or a file's; closed in the end."""
+    writer: Any = oiio.ImageOutput.create(name)
+    with closing(writer):
+        yield writer
 
 
 _ADOBE_RGB, _UNCALIBRATED = 2, 65535  # of Exif's ColorSpace; 2 as cameras write it

@@ -1,15 +1,15 @@
-"""OpenEXR: windows, channels of any name, and the attributes of its headers, as they are stored.
+"""OpenEXR: windows, channels of any name, and all attributes of its headers.
 
-OpenImageIO writes neither double vectors and matrices nor types that it does not know, and takes
-some attributes for orders (``textureformat``: wait for MIP levels). OpenEXR's own Python bindings
-(3.5) write no rational, refuse text that is not UTF-8, and print what they think of damage. So what
-is not of the picture itself is carried over as bytes (*OpenEXR File Layout*, openexr.com).
+OpenEXR's own bindings read headers and write files: OpenImageIO loses types of attributes that it
+does not know, and takes some for orders (``textureformat``: wait for MIP levels). OpenImageIO reads
+the pixels: of damaged ones OpenEXR's bindings print a line and drop the part, and the next part
+moves up (validation/notes/0018). What else they do unasked is seen to here, once for all files.
 """
 
 from __future__ import annotations
 
+import io
 import re
-import struct
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from mmap import ACCESS_READ, mmap
@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any, BinaryIO, Self, TypeAlias, final
 
 import numpy as np
-import OpenImageIO as oiio  # noqa: N813 (its own documentation calls it so)
+import OpenEXR
 from numpy.typing import NDArray
 
 from domesim.advice import ADVICE
@@ -29,29 +29,47 @@ from domesim.frames.colour import (
     interop_named,
     primaries_of,
 )
-from domesim.frames.formats.base import Format, Target, Window
-from domesim.frames.formats.exr_pixels import CODES, LINES, compressed, decoded, is_available
+from domesim.frames.formats.base import Format, Target, Window, encode
+from domesim.frames.formats.exr_pixels import compressed, decoded, is_available
 from domesim.frames.integrity import DamagedError
 from domesim.frames.messages import one_line
+from domesim.light.strips import threads
 
 MAGIC = b"v/1\x01"
-_MULTI_PART, _DEEP, _LONG_NAMES, _TILED = 0x1000, 0x800, 0x400, 0x200  # of the version field
-_BEGIN = 8
-_HALF = 1  # a channel's type
+_BEGIN = 8  # of the header
+_WINDOW = b"dataWindow\0box2i\0\x10\0\0\0"
 
-_COLOUR = (b"chromaticities", b"colorInteropID")
-_ACES_FLAG = b"acesImageContainerFlag"
-_STRUCTURE = {
-    *(b"channels", b"compression", b"dataWindow", b"displayWindow", b"lineOrder", b"type"),
-    *(b"name", b"view", b"multiView", b"version", b"chunkCount", b"tiles", b"maxSamplesPerPixel"),
-    *(b"dwaCompressionLevel", b"openexr:levelmode", b"openexr:roundingmode"),
+_COLOUR = ("chromaticities", "colorInteropID")
+_ACES_FLAG = "acesImageContainerFlag"
+_NAMES = {"oiio:subimagename": "name", "view": "view", "multiView": "multiView"}
+_LINES = {OpenEXR.ZIP_COMPRESSION: 16, OpenEXR.ZIPS_COMPRESSION: 1}  # of a chunk
+_STORED = {"type": OpenEXR.scanlineimage}
+_JUDGED = re.compile(
+    rb"(?<!type)(?<!name)"  # which parts cannot be without
+    rb"\0(string|stringvector|floatvector|rational|keycode|idmanifest|deepImageState)\0"
+)
+"""Types, as they stand in a header, of which OpenEXR refuses some values."""
+_LEFT_OUT = {
+    *("channels", "dataWindow", "displayWindow", "lineOrder", "type", "version", "chunkCount"),
+    *("compression", "tiles", "maxSamplesPerPixel", "openexr:levelmode", "openexr:roundingmode"),
+    *("dwaCompressionLevel", "preview", "textureformat", "oiio:SHA-1", "oiio:AverageColor"),
 }
-_OF_OLD_PIXELS = {b"preview", b"textureformat", b"oiio:SHA-1", b"oiio:AverageColor"}
+"""Attributes of how pixels were stored, and of what they were."""
 
 _SUBSAMPLED = re.compile(r"Subsampled channels are not supported \(channel \"([^\"]*)\"")
 
-Attributes: TypeAlias = dict[bytes, bytes]
-"""Name -> the whole attribute: name, type, size and value."""
+Attributes: TypeAlias = dict[str, Any]
+"""Name -> value, as OpenEXR's bindings have them."""
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """What an EXR holds beside a picture, in a part of its own."""
+
+    carried: bytes  # attributes, as of `EXR`
+    data: Window
+    display: Window
+    planes: Mapping[str, NDArray[Any]]  # (row, col) of the data window, by channel, as stored
 
 
 @final
@@ -59,18 +77,26 @@ Attributes: TypeAlias = dict[bytes, bytes]
 class EXR(Format):
     """OpenEXR."""
 
-    carried: tuple[bytes, ...] = (b"",)  # of each part: attributes that do not tell of storage
+    carried: tuple[bytes, ...] = ()
+    """Attributes of each part, as an EXR: OpenEXR's types cannot be pickled."""
 
     starts = (MAGIC,)
     channels = "any"
     shaped = True
     largest_ratio = 1100.0  # PIZ and DWA know no useful limit
     storage = ("openexr:.*", "textureformat", "acesImageContainerFlag")
-    kept = ("view", "multiView", "oiio:subimagename")  # all else is carried
+    kept = tuple(_NAMES)  # all else is carried
 
     def examined(self, path: Path, file: BinaryIO) -> Self:
-        with mmap(file.fileno(), 0, access=ACCESS_READ) as content:
-            return replace(self, carried=_carried_of(content))
+        """What OpenImageIO reads of text, and OpenEXR does not, is no damage."""
+        try:
+            return replace(self, carried=tuple(map(as_carried, _headers(file))))
+        except RuntimeError as error:
+            raise DamagedError(f"a header that does not read ({one_line(str(error))})") from error
+        except ValueError as error:
+            problem = one_line(str(error))
+            note = f"its attributes are left out, which OpenEXR does not read ({problem})"
+            return replace(self, notes=(note,))
 
     def windows(self, path: Path, spec: Any) -> tuple[Window, Window]:
         data = (spec.x, spec.y, spec.width, spec.height)
@@ -132,7 +158,7 @@ class EXR(Format):
         )
 
     def of_part(self, part: int) -> Self:
-        return replace(self, carried=(self.carried[part],))
+        return replace(self, carried=self.carried[part : part + 1])
 
     def fitting_depth(self, bits: int, transfer: str, *, floating: bool) -> int:
         # Half has 11 significant bits.
@@ -141,63 +167,116 @@ class EXR(Format):
     def is_floating(self, bits: int) -> bool:
         return True
 
-    def state_storage(self, spec: Any, target: Target) -> None:
-        state_compression(spec, target.said.get("compression") if target.same else None)
-        if _ACES_FLAG in said(target):
-            spec.attribute("compression", "none")
 
-    def state_colour(self, spec: Any, colour: ColourTag) -> None:
-        if colour.managed:
-            return
-        if colour.transfer != "linear":
-            spec.attribute("colorInteropID", interop_identifier(colour))
-        if colour.primaries != "BT.709":
-            kind, value = oiio.TypeDesc("float[8]"), chromaticities_of(colour.primaries)
-            spec.attribute("chromaticities", kind, value)
+def header_for(path: Path, spec: Any, target: Target) -> Attributes:
+    """Attributes of a part to be written.
 
-    def headed(self, spec: Any, samples: NDArray[Any]) -> tuple[Any, NDArray[Any]]:
-        """One chunk: see `filled`."""
-        lines = LINES.get(spec.get_string_attribute("compression"), len(samples))
-        halves = samples.dtype == np.float16 and not spec.channelformats
-        if halves and is_available() and "".join(spec.channelnames).isascii():
-            spec.height = min(lines, len(samples))
-        return spec, samples[: spec.height]
-
-    def filled(self, content: bytes, spec: Any, samples: NDArray[Any]) -> bytes:
-        """With the chunks of all samples."""
-        if spec.height == len(samples):
-            return content
-        header = _headers(content)[0][0]
-        left, top, right, _ = struct.unpack("<4i", header[b"dataWindow"][-16:])
-        window = struct.pack("<4i", left, top, right, top + len(samples) - 1)
-        header[b"dataWindow"] = header[b"dataWindow"][:-16] + window
-        order = [spec.channelnames.index(name) for name in _halves_in(header)]
-        chunks = compressed(samples, order, spec.height, top)
-        before = [content[:_BEGIN], *header.values(), b"\0"]
-        first = sum(map(len, before)) + 8 * len(chunks)
-        ends = first + np.cumsum([0, *map(len, chunks[:-1])])
-        return b"".join([*before, ends.astype("<u8").tobytes(), *chunks])
-
-    def finished(self, content: bytes, path: Path, target: Target) -> bytes:
-        return with_attributes(content, [said(target)]) if target.same else content
-
-
-def said(target: Target) -> Attributes:
-    """Attributes of the header that still hold for the part to be written."""
-    assert isinstance(target.format, EXR)
-    attributes = attributes_in(target.format.carried[0])
-    if not target.keeps_colour:
-        for name in _COLOUR:
-            attributes.pop(name, None)
+    Parameters
+    ----------
+    path
+        The file to write, for messages.
+    spec
+        OpenImageIO's, of the part.
+    target
+        What is to be written.
+    """
+    form = target.format
+    assert isinstance(form, EXR)
+    if target.same:
+        header = attributes_in(form.carried[0]) if form.carried else {}
+        header = {name: value for name, value in header.items() if name not in _NAMES.values()}
+        for name in {*_NAMES} & {*target.said}:
+            value = target.said[name]
+            texts = [_text(each.encode(errors="surrogateescape")) for each in np.atleast_1d(value)]
+            header[_NAMES[name]] = texts[0] if isinstance(value, str) else texts
+    else:  # as OpenImageIO names another format's attributes
+        one = spec.copy()
+        one.width = one.height = 1
+        (found,) = _headers(io.BytesIO(encode(path, form, one, np.zeros((1, 1, one.nchannels)))))
+        header = _kept(found)
+    if not (target.same and target.keeps_colour):
+        header = {name: value for name, value in header.items() if name not in _COLOUR}
+        header |= _stated(target.colour)
     # A container of SMPTE ST 2065-4 is half, of ACES AP0, and not compressed.
     if set(target.kinds) != {"half"} or not target.keeps_colour:
-        attributes.pop(_ACES_FLAG, None)
-    return attributes
+        header.pop(_ACES_FLAG, None)
+    if _ACES_FLAG in header:
+        header["compression"] = OpenEXR.NO_COMPRESSION
+    header["dataWindow"] = corners((spec.x, spec.y, spec.width, spec.height))
+    whole = spec.full_x, spec.full_y, spec.full_width, spec.full_height
+    return header | {"displayWindow": corners(whole)}
 
 
-def state_compression(spec: Any, compression: str | None) -> None:
-    """ZIP: others do not notice damage (zlib has a checksum), or lose precision."""
-    spec.attribute("compression", compression if compression == "zips" else "zip")
+def _stated(colour: ColourTag) -> Attributes:
+    if colour.managed:
+        return {}
+    stated: Attributes = {}
+    if colour.transfer != "linear":
+        stated["colorInteropID"] = interop_identifier(colour)
+    if colour.primaries != "BT.709":
+        stated["chromaticities"] = chromaticities_of(colour.primaries)
+    return stated
+
+
+def beside(part: Part, light: Attributes) -> tuple[Attributes, Mapping[str, NDArray[Any]]]:
+    """A part that is written as it was, `light` aside: what OpenEXR wants alike in all parts."""
+    windows = {"dataWindow": corners(part.data), "displayWindow": corners(part.display)}
+    return attributes_in(part.carried) | light | windows, part.planes
+
+
+def written(path: Path, parts: Sequence[tuple[Attributes, Mapping[str, NDArray[Any]]]]) -> bytes:
+    """An EXR's bytes.
+
+    Parameters
+    ----------
+    path
+        The file to write, for messages.
+    parts
+        Attributes of each, and (row, col) of each of its channels: half, float or unsigned.
+
+    Raises
+    ------
+    InputError
+        If OpenEXR does not write that.
+    """
+    (header, planes), *others = parts
+    halves = {each.dtype for each in planes.values()} == {np.dtype(np.float16)}
+    lines = _LINES.get(header.get("compression", OpenEXR.ZIP_COMPRESSION))
+    if others or not halves or lines is None or not is_available():
+        OpenEXR.set_global_thread_count(threads())  # else it has none
+        return _encoded(path, parts)
+    # One pixel as OpenEXR writes it, for the header; and chunks of our own, by all cores.
+    rows, cols = next(iter(planes.values())).shape
+    (left, top), _ = header.get("dataWindow", corners((0, 0, cols, rows)))
+    pixel = header | {"dataWindow": corners((left, top, 1, 1))}
+    content = _encoded(path, [(pixel, {name: each[:1, :1] for name, each in planes.items()})])
+    window, end = content.index(_WINDOW) + len(_WINDOW), _end_of_header(content)
+    chunks = compressed([planes[name] for name in sorted(planes)], lines, int(top))
+    places = end + 8 * len(chunks) + np.cumsum([0, *map(len, chunks[:-1])])
+    corner = np.array([left + cols - 1, top + rows - 1], "<i4")
+    before = [content[: window + 8], corner.tobytes(), content[window + 16 : end]]
+    return b"".join([*before, places.astype("<u8").tobytes(), *chunks])
+
+
+def _encoded(path: Path, parts: Sequence[tuple[Attributes, Mapping[str, NDArray[Any]]]]) -> bytes:
+    """What OpenEXR's bindings make of parts."""
+    made = io.BytesIO()
+    try:
+        OpenEXR.File(
+            [
+                OpenEXR.Part(
+                    {"compression": OpenEXR.ZIP_COMPRESSION, **header, **_STORED},
+                    # Of other than C order they would write other numbers, without an error.
+                    {name: np.ascontiguousarray(plane) for name, plane in planes.items()},
+                )
+                for header, planes in parts
+            ]
+        ).write(made)
+    except (RuntimeError, ValueError) as error:
+        raise InputError(
+            f"{path}: wanted to encode an EXR, got '{one_line(str(error))}'. Write another format."
+        ) from error
+    return made.getvalue()
 
 
 def halves_of(path: Path, channels: Sequence[str]) -> NDArray[np.float16] | None:
@@ -219,34 +298,34 @@ def halves_of(path: Path, channels: Sequence[str]) -> NDArray[np.float16] | None
         return None
     with path.open("rb") as file, mmap(file.fileno(), 0, access=ACCESS_READ) as content:
         try:
-            (header,), end = _headers(content)
-            order = [channels.index(name) for name in _halves_in(header)]
-            lines = CODES[header[b"compression"][-1:]]
-            left, top, right, bottom = struct.unpack("<4i", header[b"dataWindow"][-16:])
-            (version,) = struct.unpack_from("<I", content, 4)
-            rows, cols = bottom - top + 1, right - left + 1
-            places = np.frombuffer(content[end : end + 8 * -(-rows // lines)], "<u8").tolist()
-        except (KeyError, ValueError, struct.error):
+            (header,) = _headers(file)
+            lines = _LINES[header["compression"]]
+            order = [channels.index(each.name) for each in header["channels"]]
+        except (KeyError, ValueError, RuntimeError, ArithmeticError):
             return None
-        if version & (_TILED | _DEEP | _MULTI_PART) or sorted(order) != [*range(len(channels))]:
-            return None
-        if (len(places) - 1) * lines >= rows or len(places) * lines < rows:
+        (left, top), (right, bottom) = (corner.tolist() for corner in header["dataWindow"])
+        rows, cols = bottom - top + 1, right - left + 1
+        end = _end_of_header(content)
+        places = np.frombuffer(content[end : end + 8 * -(-rows // lines)], "<u8").tolist()
+        flat = header["type"] == OpenEXR.scanlineimage and sorted(order) == [*range(len(channels))]
+        if not flat or (len(places) - 1) * lines >= rows or len(places) * lines < rows:
             return None
         return decoded(content, places, order, lines, top, (rows, cols))
 
 
-def _halves_in(header: Attributes) -> list[str]:
-    """Names of the channels, as they follow each other; refuses all but halves of each pixel."""
-    _, _, listed = header[b"channels"].split(b"\0", 2)
-    names, position = [], 4
-    while listed[position : position + 1] != b"\0":
-        end = listed.index(b"\0", position)
-        names.append(listed[position:end].decode("latin-1"))
-        kind, _, across, down = struct.unpack_from("<4i", listed, end + 1)
-        if (kind, across, down) != (_HALF, 1, 1):
-            raise ValueError("channels of another kind")
-        position = end + 17
-    return names
+def _end_of_header(content: bytes | mmap) -> int:
+    """Where the chunks' places begin in a file of one part (*OpenEXR File Layout*)."""
+    place = _BEGIN
+    while content[place]:
+        value = content.find(b"\0", content.find(b"\0", place) + 1) + 1
+        place = value + 4 + int.from_bytes(content[value : value + 4], "little")
+    return place + 1
+
+
+def corners(window: Window) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """The first and the last pixel of a window, (col, row) each."""
+    left, top, cols, rows = window
+    return np.array([left, top], np.int32), np.array([left + cols - 1, top + rows - 1], np.int32)
 
 
 def _window(window: Window) -> str:
@@ -257,64 +336,64 @@ def _window(window: Window) -> str:
 # Attributes.
 
 
-def _carried_of(content: bytes | mmap) -> tuple[bytes, ...]:
-    """Attributes of each part, less those that say how, or what, pixels are stored."""
-    headers, _ = _headers(content)
-    left_out = _STRUCTURE | _OF_OLD_PIXELS
-    return tuple(
-        b"".join(whole for name, whole in header.items() if name not in left_out)
-        for header in headers
-    )
+def as_carried(header: Attributes) -> bytes:
+    """Attributes that still hold when pixels are stored anew, as an EXR of one pixel."""
+    return _encoded(Path("x.exr"), [(_kept(header), {"Y": np.zeros((1, 1), np.float16)})])
 
 
 def attributes_in(carried: bytes) -> Attributes:
     """The attributes that `EXR.carried` has of a part."""
-    return _attributes(carried + b"\0", 0)[0]
+    return _kept(_headers(io.BytesIO(carried))[0])
 
 
-def with_attributes(encoded: bytes, parts: Sequence[Mapping[bytes, bytes]]) -> bytes:
-    """The file `encoded` with those attributes in each of its parts, in place of its own."""
-    headers, end = _headers(encoded)
-    whole = [{**own, **carried} for own, carried in zip(headers, parts, strict=True)]
-    block = b"".join(b"".join(header.values()) + b"\0" for header in whole)
-    (version,) = struct.unpack_from("<I", encoded, 4)
-    if version & _MULTI_PART:
-        block += b"\0"
-    if any(len(name) > 31 for header in whole for name in header):
-        version |= _LONG_NAMES
-    # Behind the headers come the places of all chunks; the first chunk follows them.
-    (first,) = struct.unpack_from("<Q", encoded, end)
-    places = np.frombuffer(encoded, "<u8", (first - end) // 8, end)
-    moved = places + np.uint64(_BEGIN + len(block)) - np.uint64(end)
-    start = MAGIC + struct.pack("<I", version)
-    return b"".join([start, block, moved.astype("<u8").tobytes(), memoryview(encoded)[first:]])
+def _kept(header: Attributes) -> Attributes:
+    """Less those that say how pixels are stored; ZIP, for others miss damage, or lose precision."""
+    kept = {name: value for name, value in header.items() if name not in _LEFT_OUT}
+    zips = header.get("compression") == OpenEXR.ZIPS_COMPRESSION
+    return kept | ({"compression": OpenEXR.ZIPS_COMPRESSION} if zips else {})
 
 
-def _headers(content: bytes | mmap) -> tuple[list[Attributes], int]:
-    """Each part's attributes, and where the last header ends."""
-    if len(content) < _BEGIN:
-        raise DamagedError("one that ends early")
-    (version,) = struct.unpack_from("<I", content, 4)
-    headers: list[Attributes] = []
-    position = _BEGIN
-    while not headers or (version & _MULTI_PART and content[position : position + 1] != b"\0"):
-        header, position = _attributes(content, position)
-        headers.append(header)
-    return headers, position + bool(version & _MULTI_PART)
+def _headers(file: BinaryIO) -> list[Attributes]:
+    """Each part's attributes, less empty lists, which OpenEXR does not write.
+
+    One value that OpenEXR judges, and refuses, makes all of a header unreadable: then those types
+    are renamed, for it takes what it does not know as it is.
+    """
+    try:
+        return _read(file)
+    except (RuntimeError, ValueError, ArithmeticError):
+        file.seek(0)
+        renamed = _JUDGED.sub(lambda found: found[0].swapcase(), file.read())
+        parts = _read(io.BytesIO(renamed))
+        return [{name: _as_stated(value) for name, value in part.items()} for part in parts]
 
 
-def _attributes(content: bytes | mmap, position: int) -> tuple[Attributes, int]:
-    """Attributes from a place on up to the end of their header, and the place behind it."""
-    attributes: Attributes = {}
-    while (letter := content[position : position + 1]) != b"\0":
-        named = content.find(b"\0", position)
-        typed = content.find(b"\0", named + 1)
-        if letter == b"" or min(named, typed) < 0 or typed + 5 > len(content):
-            raise DamagedError("one that ends early")
-        (size,) = struct.unpack_from("<I", content, typed + 1)
-        end = typed + 5 + size
-        if end > len(content):
-            raise DamagedError("one that ends early")
-        attributes[content[position:named]] = content[position:end]
-        position = end
-    return attributes, position + 1
+def _read(file: BinaryIO) -> list[Attributes]:
+    file.seek(0)
+    with OpenEXR.File(file, header_only=True) as found:
+        return [
+            {name: value for name, value in part.header.items() if not _is_empty(value)}
+            for part in found.parts
+        ]
+
+
+def _is_empty(value: Any) -> bool:
+    return isinstance(value, list) and not value
+
+
+def _as_stated(value: Any) -> Any:
+    """The value of a renamed type; old files' text is Latin-1, for OpenEXR writes UTF-8 only."""
+    if not isinstance(value, OpenEXR.OpaqueAttribute):
+        return value
+    kind = value.typeName.swapcase()
+    if kind != "string":
+        known = _JUDGED.fullmatch(b"\0" + kind.encode() + b"\0")
+        return OpenEXR.OpaqueAttribute(value.data, kind) if known else value
+    return _text(value.data)
+
+
+def _text(stated: bytes) -> str:
+    try:
+        return stated.decode()
+    except UnicodeDecodeError:
+        return stated.decode("latin-1")

@@ -21,10 +21,6 @@ from numpy.typing import NDArray
 
 from domesim.light.strips import SAMPLES, in_strips
 
-LINES = {"zip": 16, "zips": 1}
-"""Lines of a chunk, by the compression's name."""
-CODES = {b"\3": 16, b"\2": 1}
-"""The same, by its value in the header."""
 _LEVEL = 4  # as OpenEXR's own
 _CHUNK = struct.Struct("<ii")  # its first line, and its bytes
 
@@ -34,15 +30,13 @@ def is_available() -> bool:
     return find_spec("deflate") is not None
 
 
-def compressed(samples: NDArray[Any], order: Sequence[int], lines: int, top: int) -> list[bytes]:
+def compressed(planes: Sequence[NDArray[Any]], lines: int, top: int) -> list[bytes]:
     """Compresses all chunks of a picture.
 
     Parameters
     ----------
-    samples
-        (row, col, channel) float16.
-    order
-        Which channel comes first in the file, which second, ...
+    planes
+        (row, col) float16 of each channel, as they follow each other in the file.
     lines
         Of a chunk.
     top
@@ -55,13 +49,12 @@ def compressed(samples: NDArray[Any], order: Sequence[int], lines: int, top: int
     """
     import deflate  # noqa: PLC0415 - it may not be there
 
-    rows, cols, _ = samples.shape
+    rows, cols = planes[0].shape
 
     def chunk(begin: int) -> bytes:
-        part = samples[begin : begin + lines]
-        halves = np.empty((2, len(part), len(order), cols), np.uint8)
-        for place, channel in enumerate(order):
-            words = np.ascontiguousarray(part[..., channel]).view(np.uint16)
+        halves = np.empty((2, min(lines, rows - begin), len(planes), cols), np.uint8)
+        for place, plane in enumerate(planes):
+            words = np.ascontiguousarray(plane[begin : begin + lines]).view(np.uint16)
             halves[0, :, place] = words
             halves[1, :, place] = words >> 8
         content = bytes(deflate.zlib_compress(_differences(halves.ravel()), _LEVEL))
@@ -72,7 +65,7 @@ def compressed(samples: NDArray[Any], order: Sequence[int], lines: int, top: int
     def work(_: int, places: slice) -> list[bytes]:
         return [chunk(place * lines) for place in range(places.start, places.stop)]
 
-    parts = in_strips(work, (1, -(-rows // lines), lines * cols * len(order)))
+    parts = in_strips(work, (1, -(-rows // lines), lines * cols * len(planes)))
     return [each for part in parts for each in part]
 
 
@@ -92,7 +85,9 @@ def decoded(
         Bytes of the whole file.
     places
         Where each chunk is.
-    order, lines, top
+    order
+        Which channel comes first in the file, which second, ...
+    lines, top
         As for `compressed`.
     size
         Rows and columns.

@@ -27,7 +27,7 @@ from domesim.frames.colour import (
     primaries_of,
 )
 from domesim.frames.eyes import SIDE_BY_SIDE, Eyes
-from domesim.frames.formats.base import Format, Target, animated
+from domesim.frames.formats.base import Format, Target, animated, encode
 from domesim.frames.formats.png_pixels import compressed
 from domesim.frames.integrity import DamagedError, refuse_sides
 
@@ -112,13 +112,10 @@ class PNG(Format):
         source = f"file: {', '.join(sources)}" if sources else "assumed for PNG"
         return ColourTag(transfer, primaries, source)
 
-    def headed(self, spec: Any, samples: NDArray[Any]) -> tuple[Any, NDArray[Any]]:
-        """One line: see `filled`."""
+    def encoded(self, path: Path, spec: Any, samples: NDArray[Any]) -> bytes:
+        """One line by OpenImageIO, for the header, and all compressed by all cores."""
         spec.height = spec.full_height = 1
-        return spec, samples[:1]
-
-    def filled(self, content: bytes, spec: Any, samples: NDArray[Any]) -> bytes:
-        """With the compressed lines of all samples."""
+        content = encode(path, self, spec, samples[:1])
         chunks = list(chunks_of(content))
         first = next(k for k, (kind, _) in enumerate(chunks) if kind == b"IDAT")
         cols, _, kinds = struct.unpack(">2I5s", chunks[0][1][8:-4])

@@ -12,8 +12,9 @@ from open_files import nothing_left_open, open_files
 from videos import KINDS, write_numbered
 
 from domesim.errors import InputError
-from domesim.frames import ColourTag, Frame, read_frame, write_frame, writing
+from domesim.frames import ColourTag, Frame, read_frame, write_frame
 from domesim.frames.film import write_film
+from domesim.frames.formats import base
 from domesim.frames.timing import Timing
 from domesim.frames.video import frame_paths
 from domesim.host.files import KEPT_OPEN
@@ -37,7 +38,7 @@ def test_an_encoder_that_is_interrupted(
     def interrupted(_: object) -> str:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(writing, "problem_of", interrupted)
+    monkeypatch.setattr(base, "problem_of", interrupted)
     with pytest.raises(KeyboardInterrupt), nothing_left_open():
         write_frame(frame(), tmp_path / f"x.{suffix}")
     assert not list(tmp_path.iterdir())

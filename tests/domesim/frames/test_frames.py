@@ -306,7 +306,7 @@ def test_channels_of_several_types_survive(tmp_path: Path) -> None:
     samples = texture("float32", 6).astype(np.float64)
     samples[..., :3] = samples[..., :3].astype(np.float16)
     samples[..., 4] *= 1e30
-    identity = np.arange(ROWS * COLS).reshape(ROWS, COLS) * 5000
+    identity = np.arange(ROWS * COLS).reshape(ROWS, COLS) * 5_000_000
     samples[..., 5] = identity / (2**32 - 1)
     spec = oiio.ImageSpec(COLS, ROWS, 6, "half")
     spec.channelnames = ("R", "G", "B", "A", "Z", "id")
@@ -322,11 +322,7 @@ def test_channels_of_several_types_survive(tmp_path: Path) -> None:
     for channel, kind in enumerate(kinds):
         pair = [reader.read_image(0, 0, channel, channel + 1, kind) for reader in (before, after)]
         np.testing.assert_array_equal(*pair)
-    assert after.read_image(0, 0, 5, 6, "uint").max() == identity.max()
-
-    samples[2, 2, 5] = 1.0
-    save(tmp_path / "large.exr", (spec, samples))
-    assert "integers below 4194304 in channel id" in refusal(tmp_path / "large.exr")
+    assert after.read_image(0, 0, 5, 6, "uint").max() > 2**31
 
 
 @pytest.mark.parametrize(
@@ -370,7 +366,7 @@ def test_a_file_of_two_images_is_refused(tmp_path: Path) -> None:
         assert writer.open(path, specs[1], "AppendSubimage")
         assert writer.write_image(texture())
         assert writer.close()
-        assert "several parts or pages" in refusal(tmp_path / name)
+        assert "got a file of several parts" in refusal(tmp_path / name)
 
 
 def test_only_the_display_window_of_an_exr_is_read(tmp_path: Path) -> None:

@@ -391,7 +391,8 @@ def test_what_an_exr_tells_of_its_picture_comes_back_to_the_byte(tmp_path: Path)
     read = read_frame(path)
     write_frame(read.with_pixels(read.pixels / 2), tmp_path / "out.exr")
     content = (tmp_path / "out.exr").read_bytes()
-    assert [each for each in TOLD if each not in content] == []
+    told = [each.replace(b"\6\0\0\0Z\xfc", b"\7\0\0\0Z\xc3\xbc") for each in TOLD]  # in UTF-8
+    assert [each for each in told if each not in content] == []
     assert b"preview" not in content  # of the old picture
     result = read_frame(tmp_path / "out.exr")
     np.testing.assert_array_equal(result.pixels, read.pixels / 2)

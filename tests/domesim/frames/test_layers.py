@@ -108,7 +108,10 @@ def test_a_layer_within_a_part_is_chosen(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("layer", "said"),
     [
-        (None, r"wanted one picture, got a file of several parts \(a, b\).*\(--layer a\)"),
+        (
+            None,
+            r"wanted one picture, got a file of several parts \(a, b\).*--layer a, or",
+        ),
         ("c", r"wanted one part or layer 'c', got a file of several parts \(a, b\)"),
     ],
 )
