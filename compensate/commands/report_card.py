@@ -28,6 +28,7 @@ from domesim.errors import InputError
 from domesim.host.console import Console, about
 from domesim.host.numbers import decimal, ratio
 from domesim.inspection.contrast import contrast
+from domesim.inspection.gamuts import colours_of
 from domesim.observation.stereo import VIEWS
 from domesim.scene import CinemaScene, FlatScene, StereoScene
 from domesim.scene.choice import SceneChoice
@@ -52,7 +53,9 @@ def report_card(
                 f"{scene}: a 2-D cinema's report card is of the cinema alone; for a master in it "
                 f"use 'domesim compare'"
             )
-        console.figures({"scene": system.name} | _of_room(system, console))
+        colours = colours_of(system.projector)
+        console.say(*colours.lines())
+        console.figures({"scene": system.name} | _of_room(system, console) | colours.figures())
         return
     if not isinstance(system, StereoScene):
         raise InputError(
@@ -65,7 +68,10 @@ def report_card(
     ranked = sorted(found, key=lambda name: found[name].system)
     for eye in found if len(found) == 2 else dict.fromkeys((ranked[0], ranked[-1])):
         console.say(*_told(eye, found[eye]))
+    colours = colours_of(system.projector)
+    console.say(*colours.lines())
     figures: dict[str, Any] = {
+        **colours.figures(),
         "scene": system.name,
         "seat": system.chosen[0],
         "crosstalk": {

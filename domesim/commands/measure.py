@@ -34,6 +34,7 @@ from domesim.scene.loading import scene_content, scene_of_text
 if TYPE_CHECKING:
     from domesim.measure.crosstalk_photographs import CrosstalkMap
     from domesim.measure.dome.fit import Known
+    from domesim.readings.colorimetry import Colours
     from domesim.readings.crosstalk import MeasuredCrosstalk
     from domesim.readings.grey_to_grey import MeasuredGreyToGrey
     from domesim.readings.meter import Black
@@ -162,7 +163,7 @@ def crosstalk(
         **room.figures(),
     )
     write_whole(out, scene.encode())
-    for line in pair.report():
+    for line in [*pair.report(), *_colours_of(pair)]:
         console.say(line)
     for eye, matrix in zip(EYES, pair.gamut.matrices, strict=True):
         rows = ", ".join(" ".join(f"{value:.4f}" for value in row) for row in matrix)
@@ -271,6 +272,8 @@ def response(
     for display in displays:
         for line in display.report():
             console.say(line)
+        for line in _colours(display.primaries).lines():
+            console.say(f"  {line}")
     if read.left_out:
         console.say(f"left out: {read.left_out} readings of mixed colours")
     figures = {display.name: _of_display(display) for display in displays}
@@ -308,7 +311,7 @@ def _in_dome(pair: MeasuredPair, dome: str, readings: Path, out: Path, console: 
             f"kept_by_reflection?"
         ) from None
     write_whole(out, written.encode("utf-8", "surrogateescape"))
-    for line in pair.report():
+    for line in [*pair.report(), *_colours_of(pair)]:
         console.say(line)
     for eye, before, after in zip(VIEWS, measured, direct, strict=True):
         console.say(
@@ -759,6 +762,23 @@ def _quoted(text: str) -> str:
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007F")
 
 
+def _colours(primaries: NDArray[np.float64]) -> Colours:
+    from domesim.readings.colorimetry import Colours  # noqa: PLC0415
+
+    return Colours(primaries)
+
+
+def _colours_of(pair: MeasuredPair) -> list[str]:
+    """Lines about the common gamut, and how far the eyes' own whites are apart."""
+    from domesim.readings.colorimetry import difference  # noqa: PLC0415
+
+    two_thousand, itp = difference(*(display.white for display in pair.displays))
+    return [
+        *(f"  {line}" for line in _colours(pair.gamut.primaries).lines()),
+        f"  left's own white from right's: Delta E 2000 {two_thousand:.1f}, ITP {itp:.1f}",
+    ]
+
+
 # Figures for programs.
 
 
@@ -780,6 +800,7 @@ def _of_pair(pair: MeasuredPair) -> dict[str, Any]:
             "primaries_xyz": _plain(gamut.primaries),
             "chromaticities_xy": _plain(gamut.chromaticities),
             "white_cd_m2": float(gamut.white[1]),
+            **_colours(gamut.primaries).figures(),
             "matrices": _plain(gamut.matrices),
             "light_lost": _plain(gamut.lost),
             "crosstalk": _plain(pair.common_matrices),
@@ -818,6 +839,7 @@ def _of_display(display: Display) -> dict[str, Any]:
         "primaries_xyz": _plain(display.primaries),
         "chromaticities_xy": _plain(display.chromaticities),
         "white_cd_m2": float(display.white[1]),
+        **_colours(display.primaries).figures(),
         "black_xyz": None if display.black is None else _plain(display.black),
         "additivity": _plain_or_none(display.additivity),
         "additivity_error": _plain_or_none(display.additivity_error),

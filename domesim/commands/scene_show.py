@@ -21,6 +21,7 @@ from domesim.host.writing import prepare, write_whole
 from domesim.inspection import lightmaps
 from domesim.inspection.contrast import contrast
 from domesim.inspection.coverage import coverage, require_covered
+from domesim.inspection.gamuts import colours_of, gamut_drawing
 from domesim.inspection.magnitudes import (
     SOURCES,
     projected_star,
@@ -37,6 +38,7 @@ from domesim.inspection.plans import (
 from domesim.library import load_master
 from domesim.light import Light, transfer
 from domesim.observation.spherical import bare_gain
+from domesim.readings.colorimetry import Colours
 from domesim.room.theatre import Theatre, Viewpoint
 from domesim.scene import DomeScene, FlatScene, Scene, StereoScene
 from domesim.scene.choice import SceneChoice
@@ -134,6 +136,7 @@ def _dome(
         "drawings": [
             ("Plan, from above", dome_plan(scene, places)),
             ("Section, from the right", dome_section(scene, places)),
+            ("Gamut, CIE 1976 u'v'", gamut_drawing(colours_of(scene.projector))),
         ],
         "maps": [_url(each, "png") for each in maps],
         "views": _views(scene, seen, places) if traces else [],
@@ -247,8 +250,26 @@ def _dome_tables(
             "of white" if scene.known is None else "of white, by the room's transport"),
     ]  # fmt: skip
     tables = [("Light", rows), ("The room", room), ("Averages", pictures)]
+    tables.append(("Colours", _colours(colours_of(scene.projector))))
     tables.append(("Sky and stars", _stars(scene, light.black, means["picture_pollution_cd_m2"])))
     return tables, {row.key: row.value for _, rows in tables for row in rows}
+
+
+def _colours(colours: Colours) -> list[Row]:
+    """White and gamut of a projector."""
+    figures = colours.figures()
+    rows = [
+        Row("white_cct_k", "White, colour temperature", figures["white_cct_k"], "K", "Ohno 2013"),
+        Row("white_duv", "beside Planck's locus", figures["white_duv"], "Duv", "+ is greener"),
+        Row("white_from_d65_delta_e_2000", "White from D65", figures["white_from_d65_delta_e_2000"],
+            "", "Delta E 2000"),
+        Row("white_from_d65_delta_e_itp", "the same", figures["white_from_d65_delta_e_itp"],
+            "", "Delta E ITP"),
+    ]  # fmt: skip
+    return rows + [
+        Row(f"coverage {name}", f"Gamut covers {name}", 100 * share, "%", "by area in u'v'")
+        for name, share in colours.coverage.items()
+    ]
 
 
 def _stars(scene: DomeScene, black: float, polluted: float) -> list[Row]:
@@ -344,7 +365,8 @@ def _flat(scene: FlatScene) -> tuple[dict[str, Any], dict[str, Any]]:
         Row("white_cd_m2", "White", lit.white, "cd/m²", glasses),
         Row("black_cd_m2", "Black level", lit.black, "cd/m²", glasses),
     ]  # fmt: skip
-    tables = [("The system", rows)]
+    colours = colours_of(scene.projector)
+    tables = [("The system", rows), ("Colours", _colours(colours))]
     if scene.way is not None:
         tables.append(("System contrast", _contrast(scene)))
     else:
@@ -359,6 +381,7 @@ def _flat(scene: FlatScene) -> tuple[dict[str, Any], dict[str, Any]]:
         "drawings": [
             ("Plan, from above", flat_plan(scene)),
             ("Section, from the side", flat_section(scene)),
+            ("Gamut, CIE 1976 u'v'", gamut_drawing(colours)),
         ],
         "seats": seats,
         "placed": isinstance(scene, StereoScene) and scene.theatre is not None,

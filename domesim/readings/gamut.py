@@ -126,7 +126,7 @@ def common_gamut(
     inverses = np.asarray(np.linalg.inv(own), np.float64)
     mixed = own.sum(axis=2).T if white is None else _light_of(white)[:, None]
     common_white = _brightest(inverses, mixed)
-    corners = _intersection(_triangle(own[0]), _triangle(own[1]))
+    corners = intersection(triangle(own[0]), triangle(own[1]))
     chosen = _largest_triangle(corners, uv(common_white))
     directions = _xyz_of(chosen[_order(chosen, own)])
     gains = np.linalg.solve(directions, common_white)
@@ -163,18 +163,21 @@ def _brightest(inverses: Floats, mixed: Floats) -> Floats:
     return np.asarray(light)
 
 
-def _triangle(primaries: Floats) -> Floats:
+def triangle(primaries: Floats) -> Floats:
     """(3, u'v') corners, counter-clockwise."""
     corners = uv(primaries.T)
-    return corners if _area(corners) > 0 else corners[::-1]
+    return corners if area_of(corners) > 0 else corners[::-1]
 
 
-def _area(corners: Floats) -> float:
-    (ax, ay), (bx, by) = corners[1] - corners[0], corners[2] - corners[0]
-    return float(ax * by - ay * bx) / 2
+def area_of(corners: Floats) -> float:
+    """Area of a polygon (corner, 2); below 0 if it is clockwise, 0 of none."""
+    if len(corners) < 3:
+        return 0.0
+    x, y = (corners - corners[0]).T
+    return float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1))) / 2
 
 
-def _intersection(subject: Floats, clip: Floats) -> Floats:
+def intersection(subject: Floats, clip: Floats) -> Floats:
     """(corner, 2) of two convex polygons, counter-clockwise (Sutherland and Hodgman 1974)."""
     for start, end in zip(clip, np.roll(clip, -1, axis=0), strict=True):
         along = end - start
@@ -200,8 +203,8 @@ def _largest_triangle(corners: Floats, white: Floats) -> Floats:
     best, largest = None, _SMALLEST
     for triple in combinations(range(len(corners)), 3):
         triangle = corners[list(triple)]
-        if _area(triangle) > largest + _ROUNDING and _holds(triangle, white):
-            best, largest = triangle, _area(triangle)
+        if area_of(triangle) > largest + _ROUNDING and _holds(triangle, white):
+            best, largest = triangle, area_of(triangle)
     if best is None:
         raise InputError(
             "common gamut: the projectors must share a triangle of colours round their white, got "
@@ -212,7 +215,7 @@ def _largest_triangle(corners: Floats, white: Floats) -> Floats:
 
 def _holds(triangle: Floats, point: Floats) -> bool:
     sides = [np.stack([triangle[i], triangle[(i + 1) % 3], point]) for i in range(3)]
-    return all(_area(side) > 0 for side in sides)
+    return all(area_of(side) > 0 for side in sides)
 
 
 def _order(corners: Floats, own: Floats) -> list[int]:
