@@ -301,11 +301,11 @@ def halves_of(path: Path, channels: Sequence[str]) -> NDArray[np.float16] | None
             (header,) = _headers(file)
             lines = _LINES[header["compression"]]
             order = [channels.index(each.name) for each in header["channels"]]
-        except (KeyError, ValueError, RuntimeError, ArithmeticError):
+            end = _end_of_header(content)
+        except (LookupError, ValueError, RuntimeError, ArithmeticError):
             return None
         (left, top), (right, bottom) = (corner.tolist() for corner in header["dataWindow"])
         rows, cols = bottom - top + 1, right - left + 1
-        end = _end_of_header(content)
         places = np.frombuffer(content[end : end + 8 * -(-rows // lines)], "<u8").tolist()
         flat = header["type"] == OpenEXR.scanlineimage and sorted(order) == [*range(len(channels))]
         if not flat or (len(places) - 1) * lines >= rows or len(places) * lines < rows:
@@ -317,8 +317,9 @@ def _end_of_header(content: bytes | mmap) -> int:
     """Where the chunks' places begin in a file of one part (*OpenEXR File Layout*)."""
     place = _BEGIN
     while content[place]:
-        value = content.find(b"\0", content.find(b"\0", place) + 1) + 1
-        place = value + 4 + int.from_bytes(content[value : value + 4], "little")
+        for _ in range(2):  # name and type
+            place = content.find(b"\0", place) + 1 or len(content)
+        place += 4 + int.from_bytes(content[place : place + 4], "little")
     return place + 1
 
 

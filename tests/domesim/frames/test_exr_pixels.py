@@ -8,6 +8,7 @@ from typing import TypeVar
 import numpy as np
 import pytest
 
+from domesim.errors import InputError
 from domesim.frames import ColourTag, Frame, read_frame
 from domesim.frames.formats import exr
 from domesim.frames.formats.base import Format
@@ -101,6 +102,19 @@ def test_a_damaged_chunk_is_left_to_openimageio(at: int, tmp_path: Path) -> None
     content[-at] ^= 0x11
     path.write_bytes(content)
     assert exr.halves_of(path, ["R", "G", "B"]) is None
+
+
+@pytest.mark.parametrize("size", [b"\x10\0\0\xff", b"\xff\xff\xff\xff"])
+def test_a_header_that_ends_elsewhere_is_left_to_openimageio(tmp_path: Path, size: bytes) -> None:
+    """Of a box OpenEXR knows the size, and believes no other."""
+    path = tmp_path / "x.exr"
+    content = encoded(frame_of(ramp(32, 40), "zip"), path, None)
+    stated = b"displayWindow\0box2i\0"
+    assert content.count(stated + b"\x10\0\0\0") == 1
+    path.write_bytes(content.replace(stated + b"\x10\0\0\0", stated + size))
+    assert exr.halves_of(path, ["R", "G", "B"]) is None
+    with pytest.raises(InputError, match=r"x\.exr: wanted"):
+        read_frame(path)
 
 
 def test_chunks_that_stand_elsewhere_are_left_to_openimageio(tmp_path: Path) -> None:
