@@ -96,8 +96,7 @@ def titles_of(patterns: Sequence[str], scene: Scene) -> Titles | None:
             f"--overlay is given once for both eyes, or twice for left and right, got it "
             f"{len(patterns)} times"
         )
-    found = [files_by_number(Path(pattern).absolute()) for pattern in patterns]
-    return Titles(tuple(tuple(sorted(each.items(), key=str)) for each in found))
+    return Titles(tuple(files_by_number(Path(pattern).absolute()) for pattern in patterns))
 
 
 def _opacity(frame: Frame, master: Master) -> Any:

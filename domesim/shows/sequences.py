@@ -51,8 +51,8 @@ def find_frames(pattern: str | Path, frames: str | None = None) -> tuple[Path, .
     return tuple(_find(Path(pattern), frames).values())
 
 
-def files_by_number(pattern: str | Path) -> dict[int | None, Path]:
-    """The files that `pattern` means, by frame number, of which any may be missing.
+def files_by_number(pattern: str | Path) -> tuple[tuple[int | None, Path], ...]:
+    """The files that `pattern` means, with their frames' numbers, of which any may be missing.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ def files_by_number(pattern: str | Path) -> dict[int | None, Path]:
     Returns
     -------
     files
-        In no order; None is the number of a single file.
+        By number; None is that of a single file.
 
     Raises
     ------
@@ -72,8 +72,8 @@ def files_by_number(pattern: str | Path) -> dict[int | None, Path]:
     path = Path(pattern)
     kind, numbered = _kind(path), _numbered(path)
     if numbered is None or kind == "file":
-        return {None: _single(path, kind, None)}
-    return {number: file for number, file in _on_disk(path, numbered).items()}  # noqa: C416
+        return ((None, _single(path, kind, None)),)
+    return tuple(sorted(_on_disk(path, numbered).items()))
 
 
 def number_of(frame: Path) -> int | None:
