@@ -1,7 +1,8 @@
 """Polygons of a mesh file, made triangles.
 
 trimesh fans every polygon out from its first corner, which fills its notches: an L becomes
-triangles that overlap. So polygons that are not convex are cut by ears (Meisters 1975).
+triangles that overlap. So polygons that are not convex are cut by ears (Meisters 1975), by Mapbox's
+earcut. Of one that crosses itself it makes triangles of another area.
 """
 
 from __future__ import annotations
@@ -15,8 +16,9 @@ from numpy.typing import NDArray
 Polygons = Sequence[Sequence[int]]
 """Corners of each polygon, by the vertices' numbers."""
 
-_MOST = 4000  # corners of a polygon with notches: each side is compared with each
+_MOST = 20_000  # corners of a polygon with notches: the time grows with their square
 _FLAT = 1e-12  # of a polygon's area: what a corner in a straight side comes to
+_OFF = 1e-6  # of it: what triangles of a polygon that crosses itself are off at least
 
 
 class PolygonError(ValueError):
@@ -87,7 +89,7 @@ def triangles(vertices: NDArray[np.float64], polygons: Polygons) -> NDArray[np.i
             raise ValueError("a polygon of vertices that are not there")
         convex = np.full(len(corners), count == 3) | _convex(vertices[corners])
         fan = [corners[convex][:, [0, k, k + 1]] for k in range(1, count - 1)]
-        made += [*fan, *_ears_of_all(vertices, corners[~convex])]
+        made += [*fan, *_ears(vertices, corners[~convex])]
     return np.concatenate(made)
 
 
@@ -109,53 +111,22 @@ def _convex(places: NDArray[np.float64]) -> NDArray[np.bool_]:
     return np.asarray(one_way & (sizes <= np.linalg.norm(normals, axis=-1) * 1.01))
 
 
-def _ears_of_all(
+def _ears(
     vertices: NDArray[np.float64], polygons: NDArray[np.int64]
 ) -> Iterable[NDArray[np.int64]]:
+    """(triangle, 3) vertices' numbers of each polygon."""
+    from mapbox_earcut import triangulate_float64  # noqa: PLC0415 - few meshes have notches
+
     for corners, normal in zip(polygons, _normals(vertices[polygons]), strict=True):
-        # Seen along the axis on which the polygon is largest
+        if len(corners) > _MOST:
+            raise PolygonError(f"a polygon of {len(corners)} corners")
+        # Seen along the axis on which the polygon is largest, from where it goes around to the left
         axis = int(np.abs(normal).argmax())
         seen = np.delete(vertices[corners], axis, axis=1)
         seen = seen * (1, np.sign(normal[axis]) * (-1 if axis == 1 else 1))
-        yield corners[_ears(seen)]
-
-
-def _ears(flat: NDArray[np.float64]) -> NDArray[np.int64]:
-    """(triangle, 3) corners of a polygon (corner, xy), which goes around to the left."""
-    if len(flat) > _MOST:
-        raise PolygonError(f"a polygon of {len(flat)} corners")
-    ends = np.roll(flat, -1, axis=0)
-    sides = (ends - flat)[:, None]
-    near = _FLAT * float(np.ptp(flat, axis=0).prod())
-    beside = [_cross(sides, each - flat[:, None]) for each in (flat, ends)]
-    left_of, right_of = ([place > near for place in beside], [place < -near for place in beside])
-    # (side, another): the ends of the other lie on both hands of it.
-    across = (left_of[0] & right_of[1]) | (right_of[0] & left_of[1])
-    if (across & across.T).any():
-        raise PolygonError("a polygon that crosses itself")
-    left = [*range(len(flat))]
-    cut: list[tuple[int, int, int]] = []
-    while len(left) > 3:
-        for place, corner in enumerate(left):
-            before, after = left[place - 1], left[(place + 1) % len(left)]
-            a, b, c = flat[before], flat[corner], flat[after]
-            size = _cross(b - a, c - a)
-            if size < -near:
-                continue
-            others = flat[[each for each in left if each not in (before, corner, after)]]
-            inside = [_cross(q - p, others - p) for p, q in ((a, b), (b, c), (c, a))]
-            # A bridge to a hole has corners twice.
-            same = ((others[:, None] == (a, b, c)).all(axis=-1)).any(axis=-1)
-            if not (np.min(inside, axis=0)[~same] > -near).any() or abs(size) <= near:
-                cut.append((before, corner, after))
-                del left[place]
-                break
-        else:
+        cut = triangulate_float64(seen, np.array([len(seen)], np.uint32)).reshape(-1, 3)
+        sides = seen[cut[:, 1:]] - seen[cut[:, :1]]
+        size = np.linalg.det(sides).sum()
+        if abs(size - abs(normal[axis])) > _OFF * size:
             raise PolygonError("a polygon that crosses itself")
-    return np.array([*cut, tuple(left)], np.int64)
-
-
-def _cross(first: Any, second: Any) -> Any:
-    """Z of the product of vectors (..., xy)."""
-    first, second = np.asarray(first), np.asarray(second)
-    return first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0]
+        yield corners[cut]
