@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from domesim.light import Light
+from domesim.light.blocks import light_means
 
 
 @final
@@ -59,6 +60,10 @@ class Overlay:
         seen = self.clear > 0
         below = (shown - self.light) / np.where(seen, self.clear, 1)
         return np.where(seen, np.clip(below, 0, 1), master)
+
+    def in_small(self, step: int) -> Overlay:
+        """Averages it over blocks of `step` x `step` pixels."""
+        return Overlay(light_means(self.light, step), light_means(self.clear, step))
 
     @property
     def bounds(self) -> tuple[Light, Light]:

@@ -277,8 +277,8 @@ class Stage:
         if dome is not None:
             dome.on_screen_like(np.empty(0, np.float32))
 
-    def pose(self, desired: Light) -> Posed:
-        """Poses a master (view, row, col, primary).
+    def pose(self, desired: Light, overlay: Overlay | None = None) -> Posed:
+        """Poses a master (view, row, col, primary), under an overlay as of `pose_frame`.
 
         Raises
         ------
@@ -292,7 +292,8 @@ class Stage:
         require_light(desired, setting.observation.shape, who="compensate")
         require_within_range(desired, setting.screen)
         light = _on(setting.screen, desired)
-        return Posed(setting, planes_of(light), light)
+        shown = light if overlay is None else overlay.over(light)
+        return Posed(setting, planes_of(light), shown, overlay=overlay)
 
     def pose_frame(self, frame: Master, overlay: Overlay | None = None) -> tuple[Posed, float]:
         """Poses a master's file; the second value is the share of its screen out of range.

@@ -15,6 +15,10 @@ class HopelessError(InputError):
     """What would go wrong with every other frame of a show, too."""
 
 
+class PairError(InputError):
+    """Left and right that are no pair."""
+
+
 class NoPlaceError(HopelessError):
     """A result cannot be put where it belongs; nor can the next: the disk is full, say."""
 

@@ -11,13 +11,13 @@ import typer
 from compensate.commands.aiming import Aiming
 from compensate.methods import METHODS
 from compensate.shows.compensating import worse_than_untouched
-from compensate.shows.cues import AUTO, CANDIDATES, Cue, cued, starts
-from compensate.shows.eyes import exchanged
+from compensate.shows.cues import AUTO, CANDIDATES, Cue, Looking, cued, starts
 from compensate.shows.titles import titles_of
 from compensate.solver.fitting import Fitted
 from domesim.commands.options import Place, Telling, grouped
 from domesim.commands.shows import Doing, Masters, Results, film_asked
 from domesim.scene.grade import CLIPPED, KEPT
+from domesim.shows.first_look import look
 from domesim.shows.run import Done
 
 
@@ -68,7 +68,8 @@ def compensate(
             "--overlay",
             metavar="FILE",
             help="Pairs: what the server composites over the frames, such as subtitles: a picture "
-            "with alpha, or a numbered sequence of some of the frames. Given once it is for both "
+            "with alpha, a numbered sequence of some of the frames, or timed text of PNG pictures "
+            "(the XML of SMPTE ST 428-7 or Interop, or its folder). Given once it is for both "
             "eyes, twice for left and right. Its ghosts are subtracted in advance; the results are "
             "without it.",
             show_default=False,
@@ -97,20 +98,22 @@ def compensate(
     console = telling.console()
     choice, scene = place.load(console, gamut)
     recipe = aiming.recipe(choice, method, only_visible=only_visible, spatial=spatial)
-    recipe = replace(recipe, titles=titles_of(overlay or [], scene))
+    writing, found = results.writing(repair=masters.repair), doing.find(masters)
+    whole = masters.find() if doing.frames else found
+    recipe = replace(recipe, titles=titles_of(overlay or [], scene, whole))
     recipe.require_sense(scene)
     if doing.scheduler is None:  # whose workers may have a device that this machine has not
         solver = recipe.solver(scene, console.note)
         known = solver if solver is None else inspect.unwrap(solver)
         if isinstance(known, Fitted) and (told := known.general(scene)):
             console.say(told)
-    writing, found = results.writing(repair=masters.repair), doing.find(masters)
     cues: list[Cue] = []
     if method == AUTO and not doing.dry_run:
-        whole = masters.find() if doing.frames else found
-        eye, running = recipe.weighting(scene), doing.running()
         folder, _ = film_asked(doing.out, found, writing)
-        cues = cued(whole, folder, choice, eye, console, writing=writing, running=running)
+        look(found, recipe, folder, repair=writing.repair)
+        looking = Looking(choice, recipe.weighting(scene), recipe.titles)
+        running = doing.running()
+        cues = cued(whole, folder, looking, console, writing=writing, running=running)
         recipe = replace(recipe, cues=starts(cues))
 
     def summary(done: Done) -> dict[str, Any]:
@@ -118,9 +121,6 @@ def compensate(
             console.say(line)
         return {"cues": [asdict(cue) for cue in cues]} if method == AUTO else {}
 
-    here = found.numbered and doing.scheduler is None
-    if here and (line := exchanged(found, scene, repair=masters.repair)):
-        console.say(line)
     doing.show(
         found,
         recipe,

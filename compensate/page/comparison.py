@@ -13,6 +13,7 @@ import numpy as np
 from compensate.figures import Appraisal, Figures
 from compensate.master import Outcome, solve_frame
 from compensate.methods import Solver, methods_of
+from compensate.overlay import Overlay
 from compensate.page.page import Figure, View, write_page
 from compensate.plain import PlainFigures
 from compensate.pose import Eye, Posed, Stage
@@ -331,16 +332,19 @@ def compare_methods(
     *,
     solver: Solver | None,
     weighting: Eye | None,
+    overlay: Overlay | None = None,
     progress: Callable[[str], None] = lambda name: None,
 ) -> Comparison:
     """Run the methods that are shown on one master; `solver` is the perceptual one's.
+
+    An `overlay` is seen in all pictures: what the server shows.
 
     Raises
     ------
     InputError
         If the frame is no master for the scene.
     """
-    posed, out_of_range = Stage(scene, weighting).pose_frame(frame)
+    posed, out_of_range = Stage(scene, weighting).pose_frame(frame, overlay)
     appraisal = Appraisal(posed)
     outcomes = {}
     for method in shown_methods(scene):

@@ -18,6 +18,7 @@ from compensate.methods import Solver, perceptual, require_method
 from compensate.pose import Eye, Posed, Stage
 from compensate.ruler import NO_DIFFERENCE, PEOPLE_SAY, agreeing, compared
 from compensate.shows.cues import AUTO, Starts, method_at
+from compensate.shows.eyes import doubt
 from compensate.shows.films import films_lost
 from compensate.shows.over_time import timeline
 from compensate.shows.titles import Titles
@@ -129,10 +130,6 @@ class Compensating(Recipe):
         eye = self.weighting(theatre)
         if self.method != AUTO:
             require_method(self.method, theatre)
-        elif self.titles is not None:
-            raise InputError(
-                f"--method {AUTO} does not count overlays; leave --overlay out, or name a method"
-            )
         elif not isinstance(eye, Aim):
             raise InputError(
                 f"--method {AUTO} chooses between the aim, subtraction and none; leave --weighting "
@@ -247,11 +244,16 @@ class Compensating(Recipe):
         theatre = self.scene.load()
         return f"{theatre.name}: {theatre.graded}"
 
+    def doubt(self, masters: Iterable[Master]) -> str | None:
+        """See `Recipe`: whether left and right belong together."""
+        return doubt(masters, self.scene.load())
+
     small = "The master, and what is projected"
 
     def options(self, writing: Writing) -> dict[str, str]:
         """See `Recipe`."""
-        return self.choices() | writing.options()
+        overlay = {} if self.titles is None else {"--overlay": " and ".join(self.titles.names)}
+        return self.choices() | overlay | writing.options()
 
     def choices(self) -> dict[str, str]:
         """Those of `options` that say what is computed."""
@@ -349,6 +351,8 @@ class Compensating(Recipe):
     def command(self) -> str:
         """The command line, but for files."""
         options = [part for option in self.choices().items() for part in option if part != "yes"]
+        for name in () if self.titles is None else self.titles.names:
+            options += ["--overlay", name]
         return shlex.join(["domesim", "compensate", *options])
 
     def compare(self, master: Master, page: Path) -> None:
@@ -358,7 +362,10 @@ class Compensating(Recipe):
         theatre = self.scene.load()
         weighting = self.weighting(theatre)
         solver = self.solver(theatre, lambda text: None)
-        comparison = compare_methods(master, theatre, solver=solver, weighting=weighting)
+        overlay = None if self.titles is None else self.titles.of(master, theatre)
+        comparison = compare_methods(
+            master, theatre, solver=solver, weighting=weighting, overlay=overlay
+        )
         comparison.write_page(page, size=SIZE, command=self.command())
 
 

@@ -27,11 +27,13 @@ import numpy as np
 
 from compensate.pose import Eye, Posed, Stage
 from compensate.ruler import FINEST
+from compensate.shows.titles import Titles
 from domesim.errors import InputError
 from domesim.frames import Master
 from domesim.frames.video import video_of
 from domesim.host.console import Console
 from domesim.host.writing import prepare_folder, write_whole
+from domesim.light.planes import gathered
 from domesim.scene.choice import SceneChoice
 from domesim.scene.screening import averaged_on_screen
 from domesim.shows.job import FOLDER, make_folder
@@ -105,7 +107,8 @@ def shots(signatures: Sequence[Sequence[float]]) -> list[range]:
 
 def signature(posed: Posed) -> list[float]:
     """Returns cube roots of the master's luminance in parts of each view, 1 = white."""
-    luminance = posed.scene.projector.luminance(posed.desired) / posed.scene.projector.white
+    light = gathered(posed.planes, posed.desired.shape)  # titles are no cuts
+    luminance = posed.scene.projector.luminance(light) / posed.scene.projector.white
     means = [
         part.mean()
         for view in luminance
@@ -127,10 +130,13 @@ class Looking(Recipe):
         The theatre, or stereo system.
     eye
         What the aim is made for.
+    titles
+        What a server composites over the frames; None for nothing.
     """
 
     scene: SceneChoice
     eye: Eye
+    titles: Titles | None = None
 
     def work(self, note: Note) -> Work[Any, Any]:
         """See `Recipe`."""
@@ -144,7 +150,9 @@ class Looking(Recipe):
             step = -(-max(rows, cols) // FINEST)
             while rows % step or cols % step:  # the screen is the same in small
                 step -= 1
-            return stage.pose(averaged_on_screen(source, theatre, step))
+            overlay = None if self.titles is None else self.titles.of(source, theatre)
+            small = None if overlay is None else overlay.in_small(step)
+            return stage.pose(averaged_on_screen(source, theatre, step), small)
 
         def solve(posed: Posed) -> tuple[dict[str, float], list[float]]:
             return losses(posed), signature(posed)
@@ -158,7 +166,8 @@ class Looking(Recipe):
 
     def settings(self) -> dict[str, Any]:
         """See `Recipe`."""
-        return {"command": "look", **self.scene.settings(), "eye": repr(self.eye)}
+        overlay = {} if self.titles is None else {"overlay": self.titles.settings()}
+        return {"command": "look", **self.scene.settings(), "eye": repr(self.eye), **overlay}
 
     def columns(self) -> tuple[Column, ...]:
         """See `Recipe`."""
@@ -172,8 +181,7 @@ class Looking(Recipe):
 def cued(
     show: Show,
     folder: Path,
-    scene: SceneChoice,
-    eye: Eye,
+    recipe: Looking,
     console: Console,
     *,
     writing: Writing,
@@ -187,8 +195,8 @@ def cued(
         All of its frames.
     folder
         Where results go; of a sequence the list lies beside their records.
-    scene, eye
-        Where it is shown, and what the aim is made for.
+    recipe
+        How each frame is looked at.
     console
         Who is told.
     writing, running
@@ -204,7 +212,6 @@ def cued(
     InputError
         If a master cannot be read.
     """
-    recipe = Looking(scene, eye)
     place, key = folder / FOLDER / CUES, _key(show, recipe)
     if show.numbered and (found := _read(place, key)):
         console.say(f"{place} (made before)", *map(told, found))

@@ -7,7 +7,7 @@ four pictures of the paper's Fig. 8, to look at.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, TypeAlias, final
@@ -28,6 +28,7 @@ from compensate.prediction import (
 )
 from compensate.report_card import losses
 from compensate.shows.cues import chosen, lost_by
+from compensate.shows.eyes import doubt
 from compensate.shows.over_time import timeline
 from domesim.frames import ColourTag, Master
 from domesim.frames.formats import FORMATS
@@ -136,6 +137,10 @@ class Predicting(Recipe):
         """See `Recipe`: what becomes of light without a picture."""
         theatre = self.scene.load()
         return f"{theatre.name}: {theatre.graded}"
+
+    def doubt(self, masters: Iterable[Master]) -> str | None:
+        """See `Recipe`: whether left and right belong together."""
+        return doubt(masters, self.scene.load())
 
     small = "The master, and the prediction: white is what subtraction leaves, grey it removes"
 

@@ -97,9 +97,14 @@ class Masters:
         ),
     ] = None
     repair: Repair = False
-    allow_identical: Annotated[
+    as_given: Annotated[
         bool,
-        typer.Option("--allow-identical", help="Stereo: take left and right that are the same."),
+        typer.Option(
+            "--as-given",
+            "--allow-identical",
+            help="Stereo: take left and right as they are, even if they are the same, look "
+            "exchanged, or one is brighter.",
+        ),
     ] = False
 
     def find(self, frames: str | None = None) -> Show:
@@ -117,7 +122,7 @@ class Masters:
             packing=self.packing,
             layer=self.layer,
             frames=frames,
-            allow_identical=self.allow_identical,
+            as_given=self.as_given,
             encoding=self.encoding,
         ).listed_in(self.checksums)
 

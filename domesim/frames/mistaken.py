@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from domesim.errors import HopelessError, InputError
+from domesim.errors import HopelessError, InputError, PairError
 from domesim.frames.colour import TRANSFER_NAMES
 from domesim.frames.exr_parts import channels_by_view, stated_views
 from domesim.frames.eyes import Eyes
@@ -44,7 +44,7 @@ def refuse_one_file(left: Path, right: Path) -> None:
     if same and {eye_of(left), eye_of(right)} != set(EYES):
         raise InputError(
             f"{left} and {right}: wanted two files for left and right, got the same file twice. "
-            "Name the other one, or add --allow-identical if the shot is meant to be flat."
+            "Name the other one, or add --as-given if the shot is meant to be flat."
         )
 
 
@@ -76,7 +76,7 @@ def refuse_mistaken_pair(frames: Sequence[Frame], *, allow_identical: bool) -> N
     where = _named(dict.fromkeys((left.path, right.path)))
     if left.pixels.shape != right.pixels.shape:
         sizes = [f"{frame.pixels.shape[1]} x {frame.pixels.shape[0]}" for frame in frames]
-        raise InputError(
+        raise PairError(
             f"{where}: wanted left and right of one size, got {' and '.join(sizes)} px. "
             "Render both alike."
         )
@@ -86,7 +86,7 @@ def refuse_mistaken_pair(frames: Sequence[Frame], *, allow_identical: bool) -> N
             f"({colour.source})"
             for colour in (left.colour, right.colour)
         ]
-        raise InputError(
+        raise PairError(
             f"{where}: wanted one encoding of left and right, got {' and '.join(encodings)}. "
             "Convert one of them where it was made, or say what both are (--encoding)."
         )
@@ -103,10 +103,10 @@ def refuse_mistaken_pair(frames: Sequence[Frame], *, allow_identical: bool) -> N
         )
     identical = np.array_equal(left.pixels, right.pixels)
     if identical and not allow_identical and not _is_plain(left.pixels):
-        raise InputError(
+        raise PairError(
             f"{where}: wanted left and right that differ, got the same image twice. Use the other "
-            "view's file, or one image alone (mono), or add --allow-identical if the shot is "
-            "meant to be flat."
+            "view's file, or one image alone (mono), or add --as-given if the shot is meant to "
+            "be flat."
         )
 
 

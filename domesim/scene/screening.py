@@ -280,12 +280,11 @@ def encoded(
         if before is not None:
             shown, changed = _graded(shown, before, unclipped, view, rows, cols)
         codes = projector.encode(shown, curve, new.primaries)
-        if changed is not None and same:
-            as_it_was = master.frames[view].pixels[rows, cols]
-            for p in range(codes.shape[-1]):
-                np.copyto(codes[..., p], as_it_was[..., p], where=~changed)
-        # Half a code of 16 bit: rounding, not clipping
         each = [codes[..., p] for p in range(codes.shape[-1])]
+        if changed is not None and same:  # linear codes may be `light` itself: nothing in place
+            own = master.frames[view].pixels[rows, cols]
+            each = [np.where(changed, code, own[..., p]) for p, code in enumerate(each)]
+        # Half a code of 16 bit: rounding, not clipping
         count = beyond(each, screen[rows, cols], (least, largest), 0.5 / 65535)
         for p in range(pixels.shape[-1]):  # NumPy is slow along an axis of three
             within = np.clip(each[p], least, largest)

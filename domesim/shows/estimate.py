@@ -24,6 +24,7 @@ from domesim.host.system import peak_memory
 from domesim.shows.checksums import sha256
 from domesim.shows.cinema import becoming
 from domesim.shows.film import Films, encoding_of
+from domesim.shows.first_look import look
 from domesim.shows.run import (
     Running,
     crew_of,
@@ -106,6 +107,7 @@ def estimate(
             "--dry-run tries workers of this machine; leave --scheduler out, and say how many like "
             "these there are (--workers)"
         )
+    look(show, recipe, folder, repair=writing.repair)
     only = show
     if like is not None:
         show = replace(show, moments=like * show.moments, numbered=True)

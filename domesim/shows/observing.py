@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any, final
 
@@ -10,6 +11,7 @@ from domesim.host.numbers import decimal
 from domesim.light import Light
 from domesim.scene.choice import SceneChoice
 from domesim.scene.screening import decoded, encoded, mean_luminance
+from domesim.shows.first_look import shown
 from domesim.shows.small import thinned
 from domesim.shows.work import Column, Note, Recipe, Work, Write, Writing
 
@@ -77,6 +79,11 @@ class Observing(Recipe):
         """See `Recipe`: what becomes of light without a picture."""
         theatre = self.scene.load()
         return f"{theatre.name}: {theatre.graded}"
+
+    def doubt(self, masters: Iterable[Master]) -> None:
+        """See `Recipe`: whether they are pairs, where these are wanted."""
+        for _ in shown(masters, self.scene.load()):
+            pass
 
     small = "What is projected, and what is seen"
 

@@ -34,6 +34,7 @@ from domesim.shows.cinema import Cinema, becoming, dcp_hint
 from domesim.shows.clips import judge_clips
 from domesim.shows.crew import Crew
 from domesim.shows.film import Films, record_of
+from domesim.shows.first_look import keep, look
 from domesim.shows.job import Job, Record, open_job, require_own_results
 from domesim.shows.report import Report, page_name, unlike
 from domesim.shows.sequences import refuse_inputs
@@ -178,15 +179,17 @@ def each_frame(
     Raises
     ------
     InputError
-        If the folder cannot be made or written to, holds a job of other settings, an output would
+        If its frames are no pairs where these are wanted, or are doubted (`Recipe.doubt`); if the
+        folder cannot be made or written to, holds a job of other settings, an output would
         replace its input, or a scheduler fails.
     """
-    running = running or Running()
+    running, writing = running or Running(), writing or Writing()
+    looked = look(show, recipe, folder, repair=writing.repair)
     if running.scheduler is not None:
         # Its workers are in other folders
         here = tuple(tuple(path.absolute() for path in moment) for moment in show.moments)
         show, folder = replace(show, moments=here), folder.absolute()
-    writing, films = becoming(show, folder, writing or Writing())
+    writing, films = becoming(show, folder, writing)
     outputs = writing.places(show, folder)
     beside = [tuple(recipe.beside(output)) for output in outputs]
     refuse_inputs(chain(*beside), chain(*show.moments))
@@ -202,6 +205,8 @@ def each_frame(
     _tell_size(show, recipe, console)
     crew = crew_of(running, recipe, show)
     with _job(show, folder, outputs, recipe, writing, running) as job:
+        if job is not None:
+            keep(looked, job.folder)
         orders = orders_of(show, outputs, recipe, writing, job)
         done = _each(orders, job, crew, running, console, what, films)
     if not show.numbered and done.frames:

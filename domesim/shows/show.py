@@ -45,8 +45,8 @@ class Show:
         How views lie in one file; None to go by the file itself.
     layer
         Which layer or part of EXRs, as for `read_master`.
-    allow_identical
-        Take left and right that are the same image.
+    as_given
+        Take left and right as they are: the same image, exchanged by their looks.
     colour
         What all code values mean; None to go by the files.
     numbered
@@ -62,7 +62,7 @@ class Show:
     moments: tuple[tuple[Path, ...], ...]
     packing: str | None = None
     layer: str | None = None
-    allow_identical: bool = False
+    as_given: bool = False
     colour: ColourTag | None = None
     numbered: bool = False
     part: str = ""
@@ -105,7 +105,7 @@ class Show:
             moment,
             packing=self.packing,
             repair=repair,
-            allow_identical=self.allow_identical,
+            allow_identical=self.as_given,
             halves=True,
             colour=self.colour,
             layer=self.layer,
@@ -148,7 +148,7 @@ def find_show(
     packing: str | None = None,
     layer: str | None = None,
     frames: str | None = None,
-    allow_identical: bool = False,
+    as_given: bool = False,
     encoding: str | None = None,
 ) -> Show:
     """The show that a command's arguments name.
@@ -166,8 +166,8 @@ def find_show(
         Which layer or part of EXRs, as for `read_master`.
     frames
         Which frames, as for `find_frames`.
-    allow_identical
-        Take left and right that are the same image.
+    as_given
+        As of `Show`.
     encoding
         A name of `encoding_named`, for what files do not say or say wrongly.
 
@@ -197,7 +197,7 @@ def find_show(
         moments = find_moments(master, frames)
         numbered = moments != ((Path(master),),)
         origin = (source_of(Path(master)),)
-        return Show(moments, packing, layer, allow_identical, colour, numbered, part, origin)
+        return Show(moments, packing, layer, as_given, colour, numbered, part, origin)
     if left is None or right is None:
         if left is None and right is None:
             raise InputError(
@@ -215,9 +215,9 @@ def find_show(
             f"--packing out"
         )
     pairs = find_pairs(left, right, frames)
-    if not allow_identical:
+    if not as_given:
         for pair in pairs:
             refuse_one_file(*pair)
     numbered = pairs != ((Path(left), Path(right)),)
     origins = source_of(Path(left)), source_of(Path(right))
-    return Show(pairs, None, layer, allow_identical, colour, numbered, part, origins)
+    return Show(pairs, None, layer, as_given, colour, numbered, part, origins)

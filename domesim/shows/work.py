@@ -182,6 +182,26 @@ class Recipe(ABC):
         """Says in a sentence of the report what its figures take for granted; "" for nothing."""
         return ""
 
+    def doubt(self, masters: Iterable[Master]) -> str | None:
+        """Asks about a whole show before a frame of it is done.
+
+        Parameters
+        ----------
+        masters
+            Some frames of it, which are read as they are asked for.
+
+        Returns
+        -------
+        question
+            A line, with the way out; None without doubt.
+
+        Raises
+        ------
+        HopelessError
+            If none of it can be done.
+        """
+        return None
+
     small = ""
     """What the small pictures of a report are, in words; "" without any."""
 

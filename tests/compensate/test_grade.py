@@ -18,10 +18,11 @@ from compensate.solve import solved
 from domesim.errors import InputError
 from domesim.frames import ColourTag, Frame, read_master, write_frame
 from domesim.frames.video import frame_paths
+from domesim.light.planes import planes_of
 from domesim.light.rounding import ROUNDING
 from domesim.observation.projector import conversion
 from domesim.scene import load_scene
-from domesim.scene.screening import decoded, within_range
+from domesim.scene.screening import decoded, encoded, within_range
 
 ROWS, COLS = 36, 64
 HALF = COLS // 2
@@ -295,7 +296,7 @@ def test_films_without_crosstalk_are_those_that_are_left_alone(
         result = run(
             "compensate", "--left", films[0], "--right", films[1], "--encoding", "srgb",
             "--scene", scene_file(tmp_path), "--method", method, "--format", suffix[1:],
-            "--dither", "none", "--workers", 0, "--out", folder, "--json",
+            "--dither", "none", "--as-given", "--workers", 0, "--out", folder, "--json",
         )  # fmt: skip
         film = next(Path(each) for each in result.figures()["films"] if "l" in Path(each).stem)
         found[method] = [read_master([path]).pixels for path in frame_paths(film)]
@@ -403,7 +404,7 @@ def test_every_report_says_which(run: Run, tmp_path: Path, choice: str, words: s
     found = {}
     for command in ("observe", "compensate", "predict"):
         folder = tmp_path / command
-        how = (*numbered, "--scene", scene, *chosen, "--workers", 0, "--out", folder)
+        how = (*numbered, "--as-given", "--scene", scene, *chosen, "--workers", 0, "--out", folder)
         said = run(command, *how)
         assert said.code == 0
         assert f"rig: {told}" in said.out
@@ -439,3 +440,32 @@ def test_a_weighting_of_ones_own_keeps_black_too() -> None:
     np.testing.assert_array_equal(
         Stage(scene, observation=observation).pose(desired).wanted, desired
     )
+
+
+@pytest.mark.parametrize("kind", [np.float32, np.float64])
+def test_encoding_leaves_the_light_that_it_is_given(tmp_path: Path, kind: type) -> None:
+    """A linear master in the scene's own primaries: its codes are light, perhaps in one array."""
+    master = read_master(
+        [
+            _frame(tmp_path / f"{eye}.exr", np.random.default_rng(k).random((ROWS, COLS, 3)))
+            for k, eye in enumerate("LR")
+        ]
+    )
+    scene = load_scene("stereo_polarised_paper")
+    own = decoded(master, scene)
+    # Within rounding of the master's, but not the same: codes are the master's, light stays
+    light = (own + np.float32(0.5 * ROUNDING)).astype(kind)
+    light[0, :4] += 0.01
+    kept = light.copy()
+    screen = scene.screen(ROWS, COLS)
+    result, _ = encoded(master, light, scene, screen, before=planes_of(own))
+    assert (light == kept).all()
+    assert (result.pixels[1] == master.pixels[1]).all()
+    assert (result.pixels[0, 4:] == master.pixels[0, 4:]).all()
+    assert (result.pixels[0, :4] != master.pixels[0, :4]).all()
+
+
+def _frame(path: Path, light: np.ndarray) -> Path:
+    linear = ColourTag("linear", "BT.709", "test")
+    write_frame(Frame(light.astype(np.float32), path, linear, 32, floating=True), path)
+    return path

@@ -41,6 +41,16 @@ NAME = "files.json"
 T = TypeVar("T")
 
 DOME, PAIR = "dome_imax", "stereo_polarised_paper"
+ACROSS, DOWN = 9, 5
+"""Views of a quilt."""
+OF_VIEWS = """
+name = "45 views"
+screen = {width_m = 0.6, height_m = 0.3333}
+projector = {primaries = "BT.709", white_cd_m2 = 40.0, black_cd_m2 = 0.05}
+crosstalk = {views = {count = 45, neighbours = [0.167, 0.03]}}
+viewing = {distance_m = 1.0, adaptation_cd_m2 = 10.0}
+"""
+"""The scene that it is shown in: each view sees the two next ones on each side."""
 PHOTOGRAPHS = ("trunks", "fog", "motorcycle")
 """Pairs of the test data that are called."""
 RUNS = 5
@@ -117,6 +127,9 @@ def file_costs(*, quick: bool = False) -> Iterator[FileCost]:
             work = f"pair {cols} x {rows}, {suffix.upper()}"
             yield _alone(work, files, folder, runs)
             yield _further(work, files, folder, runs)
+        cols, rows = 819 // small, 455 // small
+        files = _quilt(folder, night_street(cols)[0, :rows])
+        yield _alone(f"45 views of {cols} x {rows}, PNG", files, folder, 1)
     scene = load_scene(PAIR)
     photographs, _ = present(() if quick else PHOTOGRAPHS)
     masters = {"night street": pair, **{name: from_data(name, scene)[0] for name in photographs}}
@@ -178,6 +191,20 @@ def _stored(folder: Path, name: str, light: Light, suffix: str) -> list[Path]:
     return firsts
 
 
+def _quilt(folder: Path, view: Light) -> list[Path]:
+    """A quilt of 45 views of a street, each a pixel further; and its scene's file."""
+    (folder / f"{_VIEWS}.toml").write_text(OF_VIEWS)
+    rows = [
+        np.concatenate([np.roll(view, k, axis=1) for k in range(row, row + ACROSS)], axis=1)
+        for row in range(0, ACROSS * DOWN, ACROSS)
+    ]
+    name = f"{_VIEWS}_qs{ACROSS}x{DOWN}a1.8"
+    return _stored(folder, name, np.concatenate(rows[::-1])[None], "png")
+
+
+_VIEWS = "views"
+
+
 def _called(name: str, light: Light, scene: Scene, runs: int) -> FileCost:
     compensate(light, scene)  # what later calls share
     rows, cols = light.shape[1:3]
@@ -207,6 +234,8 @@ def _command(files: list[Path], folder: Path, *options: str, command: str = "com
     if len(files) > 1:
         named = ["--left", str(files[0]), "--right", str(files[1])]
     scene = PAIR if len(files) > 1 else DOME
+    if files[0].name.startswith(_VIEWS):
+        scene = str(folder / f"{_VIEWS}.toml")
     where = ("--scene", scene, "--out", str(folder / "out"), "--anew", "--mix", "--json")
     return run_command(command, *named, *where, *options)
 

@@ -6,9 +6,8 @@ far change places, and the strip looks like what seems to be the near thing. So 
 neither way of matching is sure of, and that is about as wide as disparity jumps there, is compared
 with its two neighbours: it votes for the one whose luminance it has.
 
-Of 16 pairs, generated and photographed, eight have 200 strips or more. 57 to 81 % of these looked
-like what is behind; exchanged, 19 to 43 %. With fewer strips two pairs were told wrongly. That
-lower things are nearer was of no use: the sign was wrong for seven of 16.
+Note 0019 has how often that is right. That lower things are nearer was of no use: the sign was
+wrong for seven of 16 pairs.
 """
 
 from __future__ import annotations
@@ -22,7 +21,7 @@ import numpy as np
 from compensate.vision.binocular.disparity import DARKEST, Disparity, Floats, disparities
 
 ENOUGH = 200
-"""Votes below which nothing is said."""
+"""Votes of one pair below which nothing is said; of several, each must have them."""
 EXCHANGED = 0.42
 """Share of strips that look like what is behind, below which eyes look exchanged."""
 _BESIDE = 3  # pixels on each side that must be sure

@@ -296,7 +296,7 @@ def test_a_dcp_of_two_eyes_is_made(tmp_path: Path, out: Path, run: Run, wrapper:
             pixels = oiio.ImageBuf(str(path)).get_pixels("uint16")
             store(path, pixels if side == "left" else pixels + 1600)
     pair = ("--left", tmp_path / "in.left.####.tif", "--right", tmp_path / "in.right.####.tif")
-    scene = ("--scene", "stereo_cinema_silver", *HOW)
+    scene = ("--scene", "stereo_cinema_silver", "--as-given", *HOW)
     result = run("compensate", *pair, *scene, "--format", "mxf", "--out", out)
     assert result.code == 0, result
     assert wrapper.read_text() == "-3 -L -p 24"
@@ -323,7 +323,7 @@ def test_codestreams_of_a_dcp_have_its_profile_and_size(
     for name in ("left.1", "right.1"):
         store(tmp_path / f"in.{name}.tif", codes)
     pair = ("--left", tmp_path / "in.left.#.tif", "--right", tmp_path / "in.right.#.tif")
-    order = ("compensate", *pair, "--allow-identical", "--scene", "stereo_cinema_silver", *HOW)
+    order = ("compensate", *pair, "--as-given", "--scene", "stereo_cinema_silver", *HOW)
     result = run(*order, "--format", "mxf", "--out", out)
     assert result.code == 2
     assert "wanted at most 651041 bytes" in result.err

@@ -132,7 +132,7 @@ def test_the_command_goes_by_it_and_refuses_another_packing(
     result = run("compensate", path, *stereo, "--packing", "top-bottom")
     result.is_refused("in.png", "top-bottom", "side-by-side, right first (sTER)")
     other = cross_png(tmp_path / "other.png", 0)
-    result = run("compensate", "--left", path, "--right", other, "--allow-identical", *stereo)
+    result = run("compensate", "--left", path, "--right", other, "--as-given", *stereo)
     result.is_refused("wanted the left view", "holds both (sTER)")
 
 
@@ -332,7 +332,7 @@ def test_a_film_keeps_its_stereo_mode(tmp_path: Path, out: Path, run: Run) -> No
 
     path = stereo_video(tmp_path / "in.mkv", "right_left")
     stereo = ("--scene", "stereo_cinema_silver", "--method", "none", "--out", out)
-    how = ("--packing", "side-by-side", "--workers", 0, "--format", "mkv", "--pages", 0)
+    how = ("--packing", "side-by-side", "--workers", 0, "--format", "mkv", "--as-given")
     result = run("compensate", path, *stereo, *how)
     assert result.code == 0, result
     with av.open(str(out / "in.mkv")) as film:

@@ -627,7 +627,7 @@ def test_the_same_file_twice_is_refused(tmp_path: Path) -> None:
         right = tmp_path / name
         message = refusal(left, right)
         assert "got the same file twice" in message
-        assert "--allow-identical" in message
+        assert "--as-given" in message
         assert read_master([left, right], allow_identical=True).packing == "files"
 
 
@@ -638,7 +638,7 @@ def test_the_same_image_twice_is_refused(tmp_path: Path) -> None:
     assert message.startswith(f"{left} and {right}: wanted left and right that differ")
     assert "got the same image twice" in message
     assert "mono" in message
-    assert "--allow-identical" in message
+    assert "--as-given" in message
     assert len(read_master([left, right], allow_identical=True).frames) == 2
 
     twice = np.concatenate((texture(3), texture(3)), -1)

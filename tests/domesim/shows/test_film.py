@@ -354,7 +354,7 @@ def test_left_and_right_become_two(tmp_path: Path) -> None:
         None,
         str(tmp_path / "L/show.####.png"),
         str(tmp_path / "R/show.####.png"),
-        allow_identical=True,
+        as_given=True,
     )
     for kept in (0, 3):
         done = do_show(show, tmp_path, harmful_in(tmp_path), Writing(".mkv"))
