@@ -278,7 +278,19 @@ class Stage:
             dome.on_screen_like(np.empty(0, np.float32))
 
     def pose(self, desired: Light, overlay: Overlay | None = None) -> Posed:
-        """Poses a master (view, row, col, primary), under an overlay as of `pose_frame`.
+        """Poses a master.
+
+        Parameters
+        ----------
+        desired
+            (view, row, col, primary) its light.
+        overlay
+            As for `pose_frame`.
+
+        Returns
+        -------
+        posed
+            It, ready for a method.
 
         Raises
         ------
