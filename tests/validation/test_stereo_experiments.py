@@ -107,3 +107,12 @@ def test_pairs_that_are_not_there_are_left_out(monkeypatch, tmp_path):
     monkeypatch.setenv(data.FOLDER, str(tmp_path))
     found, left_out = data.present(fig2_fig6_deghosting.DATA)
     assert (found, len(left_out)) == ([], len(fig2_fig6_deghosting.DATA))
+
+
+@pytest.mark.parametrize(("ours", "others", "passes"), [(0, 0, 1), (0, 1, 1), (2, 1, 0), (1, 0, 0)])
+def test_no_error_at_all_is_the_least(ours: float, others: float, passes: bool) -> None:
+    """Of a pair that subtraction shows exactly, all methods have an error of 0."""
+    errors = {"subtractive": others, "none": 3.0, "perceptual": ours}
+    seen = {name: fig2_fig6_deghosting.Seen(error, 0, 0, 0) for name, error in errors.items()}
+    outcome = fig2_fig6_deghosting.Outcome((4, 3), seen, 0.0)
+    assert fig2_fig6_deghosting._least("pair", outcome).passed == bool(passes)

@@ -23,6 +23,7 @@ Expected
 from __future__ import annotations
 
 import functools
+import math
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -214,7 +215,7 @@ def _pictures(
         ),
         panels(
             f"The same region as the {who} eye sees it, {times}. What should be seen is the master "
-            f"above; a grey that is everywhere is the projectors' black.",
+            f"above and the projectors' black, a grey that is everywhere.",
             {f"Seen, {TITLES[m]}": cut(posed.seen(light)) for m, light in lights.items()},
             posed.scene,
             brighter=brighter,
@@ -320,9 +321,10 @@ def _result(found: Mapping[str, Outcome]) -> str:
 
 
 def _least(name: str, outcome: Outcome) -> Check:
-    """Ours has the least visible error."""
-    others = [seen.error for method, seen in outcome.seen.items() if method != "perceptual"]
-    ratio = outcome.seen["perceptual"].error / min(others)
+    """Ours has the least visible error, which is 0 where nothing clips."""
+    ours = outcome.seen["perceptual"].error
+    least = min(seen.error for method, seen in outcome.seen.items() if method != "perceptual")
+    ratio = ours / least if least else math.inf if ours else 0.0
     return at_most(f"{name}: visible error of ours over the least of all others", ratio, 1)
 
 
