@@ -34,6 +34,7 @@ QUICK = {
     "domemaster": ("around.png", "--from", "equirectangular", "--out", "to"),
     "predict": ("in.#.png", *DOME, "--workers", "0", "--out", "to"),
     "compare": ("in.png", *DOME, "--out", "to/page.html"),
+    "preview": ("in.png", *DOME, "--out", "to/film.mp4"),
     "shader": (*DOME, "--size", "64x64", "--out", "to/a.glsl"),
     "measure crosstalk": ("rig.csv", "--out", "to/rig.toml"),
     "measure grey-to-grey": ("grey.csv", "--out", "to/panel.toml"),

@@ -52,6 +52,7 @@ def leaves(command: Any, *path: str) -> Iterator[tuple[tuple[str, ...], list[Any
 COMMANDS = dict(leaves(get_command(build())))
 NAMES = {
     ("compare",): "page.html",
+    ("preview",): "film.mp4",
     ("report-card",): "page.html",
     ("render",): "seen.exr",
     ("tabulate",): "table.npz",
