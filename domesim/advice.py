@@ -87,6 +87,10 @@ ADVICE = {
         "the same film, whose display size is that of one view",
     ),
     "develop": Advice("dcraw", "-4 -T IN", "linear light of 16 bits, as IN.tiff"),
+    "develop to measure": Advice(
+        "dcraw", "-4 -T -o 0 -r 1 1 1 1 IN", "the sensor's own light of 16 bits, as IN.tiff"
+    ),
+    "a copy": Advice("oiiotool", "IN -o OUT", "the same picture"),
     "plain TIFF": Advice("tiffcp", "-c zip IN OUT", "the same samples, packed as ZIP"),
     "Y4M": Advice(
         "ffmpeg",
@@ -100,11 +104,17 @@ ADVICE = {
         "Y4M in limited range, of full range",
     ),
     "frames of a film": Advice("ffmpeg", f"-i show.mov {_PIPE}", "R, G, B as compensate decodes"),
-    "frames by GStreamer": Advice(
-        "gst-launch-1.0",
-        "-q filesrc location=show.mov ! decodebin ! videoconvert ! video/x-raw,format=ARGB64 \\\n"
-        "  ! videoconvert ! video/x-raw,format=RGBA ! fdsink",
-        "R, G, B, A as compensate decodes",
+    "frames of a screen": Advice(
+        "ffmpeg",
+        "-f x11grab -framerate 60 -video_size {cols}x{rows} -i {screen} -f rawvideo "
+        "-pix_fmt rgb24 -",
+        "R, G, B as the screen has them",
+    ),
+    "frames to look at": Advice(
+        "ffplay", "-f rawvideo -pixel_format rgb24 -video_size {cols}x{rows} -", "a window"
+    ),
+    "a film in a player": Advice(
+        "mpv", "--glsl-shader={shader} --fullscreen {film}", "the film as the shader shows it"
     ),
     "a film by its shader": Advice(
         "ffmpeg",

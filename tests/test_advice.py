@@ -5,6 +5,7 @@ What each makes is read by the product: the light is right, and what was promise
 
 from __future__ import annotations
 
+import os
 import re
 import shlex
 import shutil
@@ -21,12 +22,14 @@ import pytest
 from command_line import run_for_real
 from image_files import save, store
 from plain_files import write_dpx
+from sensors import store_raw
 from stored_masters import picture
 from videos import FFV1, KINDS, UNSAID, Kind, number_of, write_numbered, write_video, x264
 
 from domesim.advice import ADVICE
 from domesim.errors import InputError
 from domesim.frames import Frame, read_frame, read_master
+from domesim.frames.encodings import encoding_named
 from domesim.frames.video import frame_paths
 
 HERE = Path(__file__).parents[1]
@@ -108,6 +111,13 @@ def test_colours_under_an_alpha_of_0_come_out_whole(tmp_path: Path, name: str) -
     out = tmp_path / f"out{path.suffix if path.suffix != '.tga' else '.png'}"
     follow("no alpha", path, out)
     same(read_frame(out), codes / np.float32(most), atol=1e-6)
+
+
+@pytest.mark.parametrize("suffix", ["exr", "png", "dpx"])
+def test_a_copy_is_the_same(tmp_path: Path, suffix: str) -> None:
+    path = store(tmp_path / f"in.{suffix}", np.rint(LIGHT * 255).astype(np.uint8))
+    follow("a copy", path, tmp_path / f"out.{suffix}")
+    same(read_frame(tmp_path / f"out.{suffix}"), read_frame(path).pixels)
 
 
 @pytest.mark.parametrize("suffix", ["exr", "png", "dpx"])
@@ -284,6 +294,23 @@ def test_the_size_of_one_view_is_said(tmp_path: Path) -> None:
 # What a library cannot read, where programs are installed for it.
 
 
+def test_raw_photographs_are_developed_to_linear_light(tmp_path: Path) -> None:
+    """What the sensor saw; or light in the primaries of sRGB, which the file says."""
+    light = np.zeros((40, 60, 3))
+    light[:] = 0.2, 0.4, 0.1
+    light[10:30, 20:40] = 0.6, 0.3, 0.5
+    store_raw(tmp_path / "in.dng", light)
+    assert ADVICE["develop"].given() in refusal(tmp_path / "in.dng")
+    made = tmp_path / "in.tiff"
+    follow("develop to measure", tmp_path / "in.dng", made)
+    found = read_frame(made, colour=encoding_named("linear")).pixels[::2, ::2]
+    for place in ((20, 30), (5, 5)):
+        np.testing.assert_allclose(found[place], light[place], atol=1e-3)
+    follow("develop", tmp_path / "in.dng", made)
+    assert read_frame(made).colour.transfer == "linear"
+    assert not read_frame(made).colour.assumed
+
+
 def test_a_tiff_of_another_compression_keeps_light_above_1(tmp_path: Path) -> None:
     bright = LIGHT * 40
     plain = store(tmp_path / "plain.tif", bright)
@@ -361,16 +388,32 @@ def test_live_by_its_recipe_is_what_compensate_makes(
     assert np.abs(found - read_frame(made).pixels * 255).mean() < 1
 
 
-@pytest.mark.parametrize("name", ["8 bits", "ProRes"])
-def test_gstreamers_frames_are_what_compensate_decodes(tmp_path: Path, name: str) -> None:
-    path = film(tmp_path / "in", name, tagged=True)
-    wanted = read_frame(frame_paths(path)[0]).pixels * 255
-    words = ADVICE["frames by GStreamer"].given().replace("\\\n", "").split()
-    words = [word.replace("show.mov", str(path)) for word in words[1:]]
-    raw = subprocess.run([tool("gst-launch-1.0"), *words], capture_output=True, check=True).stdout
-    found = np.frombuffer(raw, np.uint8).reshape(-1, 128, 128, 4)[0, ..., :3]
-    assert np.abs(found - wanted).mean() < 1
-    assert (found[20:28, 4:12] == 255).all()
+@pytest.mark.long
+def test_a_screens_frames_are_what_it_shows(tmp_path: Path) -> None:
+    """Of an X server without a screen, white all over; and a player takes them."""
+    read, write = os.pipe()
+    server = [tool("Xvfb"), "-displayfd", str(write), "-screen", "0", "640x480x24", "-wr"]
+    with subprocess.Popen(server, pass_fds=[write], stderr=subprocess.DEVNULL) as running:
+        try:
+            os.close(write)
+            with os.fdopen(read) as told:
+                screen = f":{told.readline().strip()}"
+            TRIED.add("frames of a screen")
+            fields = {"cols": 64, "rows": 32, "screen": screen}
+            words = shlex.split(ADVICE["frames of a screen"].given(**fields))[1:]
+            few = [*words[:-1], "-frames:v", "2", words[-1]]  # a screen's frames do not end
+            done = subprocess.run([tool("ffmpeg"), *few], capture_output=True, check=True)
+        finally:
+            running.terminate()
+    assert np.frombuffer(done.stdout, np.uint8).shape == (2 * 64 * 32 * 3,)
+    assert set(done.stdout) == {255}
+    words = shlex.split(ADVICE["frames to look at"].given(cols=64, rows=32))[1:]
+    player = [tool("ffplay"), "-v", "error", "-autoexit", *words]
+    no_screen = {**os.environ, "SDL_VIDEODRIVER": "dummy"}
+    shown = subprocess.run(
+        player, input=done.stdout, capture_output=True, check=True, env=no_screen
+    )
+    assert not shown.stderr
 
 
 @pytest.mark.parametrize(("name", "tagged"), [("R, G, B", True), *FILMS])
@@ -413,10 +456,12 @@ def test_y4m_of_full_range_is_limited(tmp_path: Path) -> None:
 
 # The registry.
 
-PROGRAMS = "oiiotool|ffmpeg|convert|mkvpropedit|mkvmerge|dcraw|tiffcp|gst-launch-1.0"
+PROGRAMS = (
+    "oiiotool|ffmpeg|ffplay|mpv|convert|magick|mkvpropedit|mkvmerge|dcraw|tiffcp|gst-launch-1.0"
+)
 UNTRIED = {
-    "develop": "a camera's raw file is needed",
     "a film by its shader": "tests/compensate/live has it, where Vulkan is",
+    "a film in a player": "tests/compensate/live has it, where mpv and a screen are",
 }
 
 
@@ -430,13 +475,19 @@ def test_messages_take_their_commands_from_the_registry() -> None:
 
 
 def test_pages_take_their_commands_from_the_registry() -> None:
-    known = [f"{each.program} {each.arguments}" for each in ADVICE.values()]
+    lines = [re.escape(f"{each.program} {each.arguments}") for each in ADVICE.values()]
+    known = [re.sub(r"\\\{\w+\\\}", r"[\\w.:]+", each) for each in lines]
+    found = 0
     for path in [*(HERE / "docs").glob("*.md"), HERE / "README.md"]:
         text = path.read_text()
+        commands = re.findall(rf"`((?:{PROGRAMS}) [^`\n]* [^`\n]*)`", text)  # of two words or more
         for block in re.findall(r"```\n(.*?)```", text, re.DOTALL):
-            for command in re.findall(rf"(?m)^((?:{PROGRAMS}) (?:.*\\\n)*.*)", block):
-                words = command.partition(" \\\n  |")[0].strip()
-                assert any(words == each for each in known), command
+            typed = re.findall(rf"(?m)^(?:  \| )?((?:{PROGRAMS}) (?:.*\\\n)*.*)", block)
+            commands += [each.partition(" \\\n  |")[0].strip() for each in typed]
+        for command in commands:
+            assert any(re.fullmatch(each, command) for each in known), command
+        found += len(commands)
+    assert found > 6
 
 
 def test_every_advice_is_tried() -> None:

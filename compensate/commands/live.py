@@ -27,6 +27,7 @@ from compensate.live.process import (
     widen,
 )
 from compensate.live.y4m import FRAME, LONGEST, Y4M, header_of
+from domesim.advice import ADVICE
 from domesim.commands.options import Overwrite, Place, Quiet, grouped
 from domesim.commands.shows import TPDF
 from domesim.errors import InputError
@@ -194,7 +195,7 @@ def shader(
     colour = encoding_named(encoding or "bt709")
     prepare(out, inputs=place.files(), overwrite=overwrite)
     write_whole(out, shader_of(theatre, rows, cols, colour, beside=beside, aim=aim).encode())
-    Console(quiet=quiet).say(f"mpv --glsl-shader={out} VIDEO")
+    Console(quiet=quiet).say(ADVICE["a film in a player"].given(shader=out, film="VIDEO"))
 
 
 def _dithers(name: str) -> bool:
