@@ -104,7 +104,9 @@ def encoded_parts(
 def part_of(path: Path, frame: Frame, target: Target) -> tuple[Attributes, dict[str, NDArray[Any]]]:
     """Attributes and (row, col) of each channel of an EXR's part; parameters as above."""
     stored = as_stored(frame, target)
-    header = header_for(path, specification(stored, target), target)
+    window = (*frame.header.origin, *stored.pixels.shape[1::-1])
+    spec = None if target.same else specification(stored, target)
+    header = header_for(path, target, window, spec)
     return header, dict(zip(target.channels, planes_of(stored, target), strict=True))
 
 
@@ -351,8 +353,6 @@ def _set(spec: Any, name: str, kind: str, value: Any) -> None:
 
 
 def _survives(target: Target, name: str) -> bool:
-    if target.same and target.format.kept is not None:
-        return name in target.format.kept
     if _STORAGE.fullmatch(name) or (name in _COLOUR_ATTRIBUTES and not target.keeps_colour):
         return False
     return target.same or not (name == "Orientation" or name.startswith(_FORMAT_PREFIXES))

@@ -30,7 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from domesim.errors import InputError
-from domesim.frames.arrays import read_arrays, write_arrays
+from domesim.host.arrays import read_arrays, write_arrays
 from domesim.light import Array, Light, kind, namespace, on_host
 from domesim.light.guarded import guarded
 from domesim.observation.base import AdjointObservation

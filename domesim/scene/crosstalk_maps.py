@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from domesim.errors import InputError
-from domesim.frames.arrays import read_arrays, write_arrays
+from domesim.host.arrays import read_arrays, write_arrays
 
 FORMAT = "domesim crosstalk maps 1"
 

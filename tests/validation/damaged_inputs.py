@@ -33,8 +33,8 @@ from damaged_files import (
 )
 
 from domesim.errors import InputError
-from domesim.frames.arrays import write_arrays
 from domesim.frames.formats.png import chunk
+from domesim.host.arrays import write_arrays
 from domesim.measure.dome.file import read_survey
 from domesim.observation.transport import FORMAT, Transport, load_transport
 from domesim.room.dome import Dome

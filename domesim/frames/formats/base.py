@@ -65,8 +65,6 @@ class Format:
     layered: ClassVar[bool] = False  # its other images are layers of the first
     exif: ClassVar[bool] = False  # by which it says "sRGB"; of others it can merely not say it
     storage: ClassVar[tuple[str, ...]] = ()  # attributes of how it is stored: regular expressions
-    kept: ClassVar[tuple[str, ...] | None] = None
-    """Its attributes that OpenImageIO is to write back, if not all but `storage`."""
 
     # Reading.
 

@@ -85,7 +85,6 @@ class EXR(Format):
     shaped = True
     largest_ratio = 1100.0  # PIZ and DWA know no useful limit
     storage = ("openexr:.*", "textureformat", "acesImageContainerFlag")
-    kept = tuple(_NAMES)  # all else is carried
 
     def examined(self, path: Path, file: BinaryIO) -> Self:
         """What OpenImageIO reads of text, and OpenEXR does not, is no damage."""
@@ -168,21 +167,23 @@ class EXR(Format):
         return True
 
 
-def header_for(path: Path, spec: Any, target: Target) -> Attributes:
+def header_for(path: Path, target: Target, window: Window, spec: Any | None) -> Attributes:
     """Attributes of a part to be written.
 
     Parameters
     ----------
     path
         The file to write, for messages.
-    spec
-        OpenImageIO's, of the part.
     target
         What is to be written.
+    window
+        The data and the display window.
+    spec
+        OpenImageIO's, if it is not from an EXR.
     """
     form = target.format
     assert isinstance(form, EXR)
-    if target.same:
+    if spec is None:
         header = attributes_in(form.carried[0]) if form.carried else {}
         header = {name: value for name, value in header.items() if name not in _NAMES.values()}
         for name in {*_NAMES} & {*target.said}:
@@ -190,9 +191,8 @@ def header_for(path: Path, spec: Any, target: Target) -> Attributes:
             texts = [_text(each.encode(errors="surrogateescape")) for each in np.atleast_1d(value)]
             header[_NAMES[name]] = texts[0] if isinstance(value, str) else texts
     else:  # as OpenImageIO names another format's attributes
-        one = spec.copy()
-        one.width = one.height = 1
-        (found,) = _headers(io.BytesIO(encode(path, form, one, np.zeros((1, 1, one.nchannels)))))
+        spec.width = spec.height = 1
+        (found,) = _headers(io.BytesIO(encode(path, form, spec, np.zeros((1, 1, spec.nchannels)))))
         header = _kept(found)
     if not (target.same and target.keeps_colour):
         header = {name: value for name, value in header.items() if name not in _COLOUR}
@@ -202,9 +202,7 @@ def header_for(path: Path, spec: Any, target: Target) -> Attributes:
         header.pop(_ACES_FLAG, None)
     if _ACES_FLAG in header:
         header["compression"] = OpenEXR.NO_COMPRESSION
-    header["dataWindow"] = corners((spec.x, spec.y, spec.width, spec.height))
-    whole = spec.full_x, spec.full_y, spec.full_width, spec.full_height
-    return header | {"displayWindow": corners(whole)}
+    return header | dict.fromkeys(("dataWindow", "displayWindow"), corners(window))
 
 
 def _stated(colour: ColourTag) -> Attributes:

@@ -10,8 +10,8 @@ import pytest
 
 from domesim.errors import InputError
 from domesim.frames import read_frame
-from domesim.frames.arrays import read_arrays
 from domesim.frames.video import frame_paths
+from domesim.host.arrays import read_arrays
 from domesim.measure.dome.file import read_survey
 from domesim.readings.meter import read_readings
 from domesim.room.furniture import from_file

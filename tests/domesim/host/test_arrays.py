@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from domesim.errors import InputError
-from domesim.frames.arrays import read_arrays, write_arrays
+from domesim.host.arrays import read_arrays, write_arrays
 
 
 @pytest.fixture(scope="module")
