@@ -762,16 +762,18 @@
     draw();
   }
 
-  // Put the 95th percentile of the darker half of the master's lit pixels at mid-grey (18 %).
-  // Pixels of no light at all have nothing to show and would send every star field to +10.
+  // Put the 95th percentile of the darker half of the master's lit pixels at mid-grey (18 %), but
+  // clip no more than a fiftieth of them: a planet stays a planet. Pixels of no light at all have
+  // nothing to show and would send every star field to +10.
   function shadowExposure() {
     const level = levels[pictureOf(reference(), "left")][0], lit = [];
     for (let i = 0; i < level.alpha.length; i++) {
       const value = level.alpha[i] ? luminance(level, i) : 0;
       if (value > 0) lit.push(value);
     }
-    const shadow = quantile(Float64Array.from(lit), 0.5 * 0.95);
-    return shadow > 0 ? Math.log2((0.18 * white) / shadow) : 10;
+    if (!lit.length) return 10;
+    const sorted = Float64Array.from(lit), shadow = quantile(sorted, 0.5 * 0.95), bright = quantile(sorted, 0.98);
+    return Math.max(0, Math.min(Math.log2((0.18 * white) / shadow), Math.log2(white / bright)));
   }
 
   let beforeDark = 0;
