@@ -25,6 +25,7 @@ from typing import Any
 import numpy as np
 import pytest
 from batches import LINEAR, Harmful, copied, do_show, harmful_in, make_show, show_of
+from command_line import Run
 from pyarrow import parquet
 
 from domesim.errors import InputError
@@ -938,6 +939,58 @@ def test_a_render_farm_does_each_frame_once(tmp_path: Path) -> None:
     assert len(records(tmp_path)) == 3
     assert frames_told(tmp_path, "-1-2") == ["0001", "0002"]
     assert frames_told(tmp_path, "-3") == ["0003"]
+
+
+FLAMENCO = """
+// Of Flamenco's manager what its job types use, as its manual has it
+const job = { tasks: [], addTask(task) { this.tasks.push(task); } };
+class Task {
+    constructor(name, type) { Object.assign(this, { name, type, commands: [], after: [] }); }
+    addCommand(command) { this.commands.push(command); }
+    addDependency(task) { this.after.push(task.name); }
+}
+const author = {
+    Task: (name, type) => new Task(name, type),
+    Command: (name, parameters) => ({ name, parameters }),
+};
+function frameChunker(frames, size) {
+    const [first, last] = frames.split("-").map(Number), chunks = [];
+    for (let at = first; at <= last; at += size) {
+        const end = Math.min(at + size - 1, last);
+        chunks.push(at === end ? `${at}` : `${at}-${end}`);
+    }
+    return chunks;
+}
+"""
+
+
+def test_flamencos_tasks_do_a_show(tmp_path: Path, run: Run) -> None:
+    """Its JavaScript is run; the commands are run here, chunks in the other order."""
+    driver = pytest.importorskip("playwright._impl._driver")
+    node, _ = driver.compute_driver_executable()
+    make_show(tmp_path / "in", 3, (16, 16))
+    settings = {
+        "master": str(tmp_path / "in" / "in.####.exr"),
+        "scene": "dome_hemisphere",
+        "out": str(tmp_path / "out"),
+        "frames": "1-3",
+        "chunk_size": 2,
+    }
+    job_type = (TESTS.parent / "docs/farm/compensate.flamenco.js").read_text()
+    script = f"{FLAMENCO}{job_type}job.settings = {json.dumps(settings)}; compileJob(job);"
+    script += "console.log(JSON.stringify([JOB_TYPE.settings.map((each) => each.key), job.tasks]));"
+    told = subprocess.run([node, "-e", script], check=True, capture_output=True).stdout
+    keys, tasks = json.loads(told)
+    assert set(keys) == set(settings)
+    *chunks, report = tasks
+    assert report["after"] == [task["name"] for task in chunks]
+    for task in (*chunks[::-1], report):
+        (command,) = task["commands"]
+        assert (command["name"], command["parameters"]["exe"]) == ("exec", "domesim")
+        assert run(*command["parameters"]["args"]).code == 0
+    assert len(list((tmp_path / "out").glob("in.*.exr"))) == 3
+    assert frames_told(tmp_path, "-1-2") == ["0001", "0002"]
+    assert frames_told(tmp_path) == ["0001", "0002", "0003"]
 
 
 # Masters that go, and messages.
