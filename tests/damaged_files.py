@@ -7,6 +7,7 @@ line of JSON before and one after each, and `readings` starts another for the re
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import resource
@@ -16,6 +17,7 @@ import sys
 import tempfile
 import zlib
 from collections.abc import Callable, Iterator
+from fractions import Fraction
 from pathlib import Path
 from typing import NamedTuple
 
@@ -103,6 +105,7 @@ FILMS = {
     "vp9.webm": Kind(".webm", "libvpx-vp9", "yuv420p"),
     "cfhd.mov": Kind(".mov", "cfhd", "gbrp12le", matrix=0, full=True),
     "mjpeg.mov": Kind(".mov", "mjpeg", "yuvj420p", full=True),
+    "hevc.mp4": KINDS["HEVC without B"],
 }
 CINEMA = {"flat.mxf": False, "two eyes.mxf": True}
 PACKED = {"zstd.tif": "zstd", "lzma.tif": "lzma"}
@@ -115,10 +118,21 @@ EDITED = {
 }
 """Made of others: what OpenImageIO does not write."""
 VIEWS = "two.mpo"
-NAMES = [*SOUND, *EDITED, *FILMS, *CINEMA, *PACKED, "zstd.exr", VIEWS]
+NAMES = [
+    *SOUND,
+    *EDITED,
+    *FILMS,
+    *CINEMA,
+    *PACKED,
+    "zstd.exr",
+    "parts.exr",
+    "x.psd",
+    VIEWS,
+]
 VIDEOS = (*FILMS, *CINEMA)
 MAGICS = (b"v/1\1", b"\x89PNG\r\n\x1a\n", b"II*\0", b"MM\0*", b"SDPX", b"XPDS", b"\xff\xd8\xff\xe0")
 MAGICS += (
+    b"8BPS\0\1",
     b"\0\0\0\x0cjP  \r\n\x87\n",
     b"\xff\x4f\xff\x51\0",
     b"BM",
@@ -163,6 +177,8 @@ def sound_files(folder: Path) -> dict[str, bytes]:
     for name, compression in PACKED.items():
         Image.fromarray(grey).save(folder / name, compression=compression)
         contents[name] = (folder / name).read_bytes()
+    contents["x.psd"] = flattened(grey)
+    contents["parts.exr"] = several_parts(smooth.astype(np.float32))
     header = {"compression": OpenEXR.ZSTD_COMPRESSION, "type": OpenEXR.scanlineimage}
     OpenEXR.File(header, {"RGB": smooth[..., :3].astype(np.float16)}).write(str(folder / "x.exr"))
     contents["zstd.exr"] = (folder / "x.exr").read_bytes()
@@ -173,6 +189,31 @@ def sound_files(folder: Path) -> dict[str, bytes]:
     for name, content in contents.items():
         (folder / name).write_bytes(content)
     return contents
+
+
+def flattened(codes: np.ndarray) -> bytes:
+    """A PSD of the picture alone, with a resource that says that it is one."""
+    rows, cols, channels = codes.shape
+    header = struct.pack(">4sH6xHIIHH", b"8BPS", 1, channels, rows, cols, 8, 3)
+    said = b"8BIM" + struct.pack(">HxxI", 1057, 6) + b"\0\0\0\1\1\0"
+    parts = [header, bytes(4), struct.pack(">I", len(said)), said, bytes(4), bytes(2)]
+    return b"".join([*parts, np.moveaxis(codes, -1, 0).tobytes()])
+
+
+def several_parts(samples: np.ndarray) -> bytes:
+    """An EXR of a picture, with attributes of some types, and of depth."""
+    planes = dict(zip("RGB", np.moveaxis(samples, -1, 0).copy(), strict=False))
+    said = {"shot": "a dome", "owner": ["a", "b"], "framesPerSecond": Fraction(24000, 1001)}
+    storage = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    parts = [
+        OpenEXR.Part({**storage, **said, "name": "rgba"}, dict(planes)),
+        OpenEXR.Part(
+            {**storage, "name": "depth"}, {"Z": planes["R"], "id": np.uint32(9 * planes["G"])}
+        ),
+    ]
+    made = io.BytesIO()
+    OpenEXR.File(parts).write(made)
+    return made.getvalue()
 
 
 def cinema_codestream(folder: Path) -> bytes:
