@@ -8,7 +8,9 @@ import pytest
 from compensate.shows.eyes import told, votes
 from compensate.vision.binocular.exchanged import Votes
 from domesim.scene import load_scene
+from testing.content.stage import HIGH, Painter, Stage
 from testing.content.stereo import PAIRS
+from testing.content.texture import noise, tinted
 
 pytest.importorskip("cv2")
 
@@ -38,3 +40,41 @@ def test_flat_pictures_say_nothing() -> None:
     flat = np.repeat(np.random.default_rng(1).random((1, 60, 100, 3), np.float32), 2, 0)
     assert votes(flat, SCENE).count == 0
     assert votes(flat[:, :, :20], SCENE).count == 0
+
+
+def leaves(seed: int, width: int = 512) -> np.ndarray:
+    """Dead leaves: boards and discs at random depths, nearer ones before those farther away."""
+    random, stage = np.random.default_rng(seed), Stage(width)
+
+    def leaf(key: int, at: tuple[float, float], size: float) -> Painter:
+        grey, rough, fine = random.uniform((0.01, 0.1, 0.5), (0.5, 0.6, 5.0))
+        colour = tuple(random.uniform(0.4, 1, 3))
+        flat = random.random() < 0.4
+
+        def painter(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            u, v = np.abs(x - at[0]), np.abs(y - at[1])
+            inside = (u < size) & (v < 0.6 * size) if flat else u * u + v * v < size * size
+            grain = 1 + rough * noise(100 * seed + key, fine * x, fine * y, 1.4)
+            return tinted(grey * np.clip(grain, 0.05, None), colour), inside.astype(np.float32)
+
+        return painter
+
+    stage.put(-0.033, leaf(99, (0.5, 0.28), 9.0))
+    for key, depth in enumerate(np.sort(random.uniform(-0.03, 0.05, random.integers(12, 40)))):
+        place = (random.uniform(0, 1), random.uniform(0, HIGH))
+        size = np.clip(0.015 + 0.02 * random.pareto(1.6), 0, 0.2)
+        stage.put(float(depth), leaf(key, place, float(size)))
+    return stage.light()
+
+
+@pytest.mark.long
+def test_no_scene_of_leaves_is_doubted_and_most_are_when_exchanged() -> None:
+    counted = [votes(leaves(seed), SCENE) for seed in range(100, 112)]
+    speak = [each for each in counted if each.enough]
+    assert len(speak) >= 4
+    assert not any(each.exchanged for each in counted)
+    # Exchanged, each strip votes for the other side
+    found = sum(Votes(each.count - each.behind, each.count).exchanged for each in speak)
+    assert found >= 0.75 * len(speak)
+    same = votes(leaves(100)[::-1], SCENE)
+    assert (same.behind, same.count) == (counted[0].count - counted[0].behind, counted[0].count)
