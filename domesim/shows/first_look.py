@@ -6,8 +6,9 @@ look again.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Generator, Iterable, Iterator
 from contextlib import suppress
+from inspect import GEN_CREATED, getgeneratorstate
 from pathlib import Path
 from typing import Any
 
@@ -44,7 +45,7 @@ def look(show: Show, recipe: Recipe, folder: Path, *, repair: bool) -> dict[str,
     Returns
     -------
     outcome
-        For `keep`; None where there is nothing to keep.
+        For `keep`; None where no frame was looked at.
 
     Raises
     ------
@@ -61,10 +62,11 @@ def look(show: Show, recipe: Recipe, folder: Path, *, repair: bool) -> dict[str,
     with suppress(OSError, ValueError):
         if read_sealed(folder / FOLDER / _LOOKED) == outcome:
             return None
-    doubt = recipe.doubt(_read(few, repair=repair))
+    masters = _read(few, repair=repair)
+    doubt = recipe.doubt(masters)
     if doubt and not show.as_given:
         raise InputError(doubt)
-    return outcome
+    return None if getgeneratorstate(masters) == GEN_CREATED else outcome
 
 
 def keep(outcome: dict[str, Any] | None, job: Path) -> None:
@@ -93,7 +95,7 @@ def shown(masters: Iterable[Master], scene: Scene) -> Iterator[Master]:
         yield master
 
 
-def _read(show: Show, *, repair: bool) -> Iterator[Master]:
+def _read(show: Show, *, repair: bool) -> Generator[Master]:
     """Reads the masters that can be read."""
     for moment in show.moments:
         try:
