@@ -48,7 +48,7 @@ faults: $(TOOLS) ## Harm running shows in every way, and tell what is lost (five
 lint: $(TOOLS) ## Style, types and import contracts
 	@$(BIN)/ruff check .
 	@$(BIN)/ruff format --check .
-	@printf '%s\n' linux darwin win32 | xargs -P 2 -I '{}' \
+	@printf '%s\n' linux darwin win32 | xargs -P 3 -I '{}' \
 	    $(BIN)/mypy --platform '{}' --cache-dir .mypy_cache/'{}'
 	@$(BIN)/lint-imports
 

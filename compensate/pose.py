@@ -37,7 +37,7 @@ from domesim.observation.seats import SeveralSeats
 from domesim.observation.uncertain import Uncertain
 from domesim.scene import Scene, StereoScene
 from domesim.scene.grade import TAKEN_OUT
-from domesim.scene.screening import SLACK, beyond, decoder, is_cheap, within_range
+from domesim.scene.screening import beyond, decoder, is_cheap, within_range
 
 NEGLIGIBLE = 0.001
 """Visible error, JND rms, for which no solver need go on."""
@@ -343,7 +343,7 @@ class Stage:
         def planes(view: int, rows: Index, cols: Index, *, count: bool = False) -> Sequence[Array]:
             found, on = light_of(view, rows, cols), screen[rows, cols]
             if count and bright:
-                counts.append(beyond(found, on, (0, 1), SLACK))
+                counts.append(beyond(found, on, (0, 1), ROUNDING))
             for off in setting.columns.partly(rows, cols):
                 for plane in found:
                     plane[..., off] *= on[..., off]

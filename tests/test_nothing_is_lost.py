@@ -43,8 +43,6 @@ QUICK = {
     "scene export": ("dome_dark", "--size", "64x40", "--out", "to/dome.mpcdi"),
     "scene import": ("in.mpcdi", "--out", "to/mine.toml"),
     "scene new": ("to/new", "--radius", "5"),
-    "study new": (*EYES, *STEREO, *STUDY, "--out", "to"),
-    "study analyse": ("study",),
     "bench": ("--quick", "--problems", "dome", "--sizes", "16", "--solvers", "admm", "--out", "to"),
 }
 """Arguments of each command that writes; files of their own are made by `inputs`."""
@@ -57,6 +55,8 @@ SLOW = {
     "measure patterns": ("--stereo", "--size", "64x64", "--out", "to"),
     "measure dome": ("survey.toml", "--residual", "to/a.png", "--out", "to/theatre.toml"),
     "scene advise": ("dome_hemisphere", "in.png", "--out", "to/advice.svg"),
+    "study new": (*EYES, *STEREO, *STUDY, "--out", "to"),
+    "study analyse": ("study",),
     "validate": ("--quick", "--only", "closed_form", "--out", "to"),
 }
 

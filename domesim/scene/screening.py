@@ -29,8 +29,6 @@ from domesim.scene import Scene, StereoScene
 BRIGHTEST = 1e9
 """Projector white = 1: the sun's disc is 1e8 of an IMAX dome's. Beyond it is damage, and float32
 overflows when light is summed and squared."""
-SLACK = 8 * float(np.finfo(np.float32).eps)
-"""By how much decoding rounds: a white of 1 + 1e-7 is no highlight."""
 
 
 def decoded(master: Master, scene: Scene) -> Light:
@@ -397,7 +395,8 @@ def within_range(light: Light, screen: NDArray[np.bool_]) -> tuple[Light, float]
         part, on = within[view, rows], screen[rows]
         if np.isnan(part.min()) and np.isnan(part[on]).any():
             raise InputError("within_range takes light, got values that are no number")
-        count = beyond([part[..., p] for p in range(part.shape[-1])], on, (0, 1), SLACK)
+        planes = [part[..., p] for p in range(part.shape[-1])]
+        count = beyond(planes, on, (0, 1), ROUNDING)  # a white of 1 + 1e-7 is no highlight
         np.clip(part, 0, 1, out=part, where=on[..., None])
         return count
 

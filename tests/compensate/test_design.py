@@ -113,7 +113,7 @@ def test_a_room_of_floor_and_wall_is_known() -> None:
 
 @pytest.mark.long
 def test_furniture_is_known_to_a_traced_room_alone(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(design, "TRACED_ERROR", 0.05)
+    monkeypatch.setattr(design, "TRACED_ERROR", 0.2)
     box = {"name": "console", "low_m": [-1.0, -1.0, -2.0], "high_m": [1.0, 1.0, -1.0]}
     room = {**DOME, "floor": {"height_m": -2.0, "albedo": 0.3}, "boxes": [{**box, "albedo": 0.5}]}
     closed, traced = (theatre(room, trace=trace) for trace in (False, True))

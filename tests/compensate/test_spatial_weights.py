@@ -57,7 +57,7 @@ def test_each_eye_has_its_own_map() -> None:
 
 @pytest.mark.parametrize("method", ["perceptual", pytest.param("paper", marks=pytest.mark.long)])
 def test_the_command_line_reaches_it(run, tmp_path: Path, method: str) -> None:
-    for eye, light in zip("lr", pair(), strict=True):
+    for eye, light in zip("lr", pair()[:, ::2, ::2], strict=True):
         store(tmp_path / f"{eye}.exr", light)
     given = ["compensate", "--left", str(tmp_path / "l.exr"), "--right", str(tmp_path / "r.exr")]
     given += ["--scene", "stereo_polarised_paper", "--weighting", "paper", "--method", method]

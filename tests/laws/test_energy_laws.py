@@ -53,7 +53,7 @@ def test_energy_balances(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.long
 @pytest.mark.parametrize("name", BALANCED)
-def test_energy_balances_to_a_thousandth(name: str) -> None:
-    off, error = imbalance(BALANCED[name](), 1e-3)
-    assert error.max() < 1e-3
+def test_energy_balances_to_two_thousandths(name: str) -> None:
+    off, error = imbalance(BALANCED[name](), 2e-3)
+    assert error.max() < 2e-3
     assert np.all(np.abs(off) < 3.5 * error)

@@ -1,8 +1,7 @@
-"""The path tracer's claims, at accuracies that take seconds; experiments reach further."""
+"""The path tracer's claims that quick experiments do not show, at accuracies that take seconds."""
 
 from __future__ import annotations
 
-from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -15,7 +14,7 @@ from domesim.room.theatre import Theatre
 from testing.statistics import assert_unbiased
 from validation import reflection
 from validation.rooms import chosen
-from validation.ways import CLOSED, MITSUBA, TABULATED, Effort, light_of
+from validation.ways import CLOSED, MITSUBA, Effort, light_of
 
 
 def sweep(half_angles, albedos, picture="white"):
@@ -27,31 +26,14 @@ def sweep(half_angles, albedos, picture="white"):
 
 CELLS = (90, 150), (0.5, 0.8)
 """Half angles and albedos that suffice to see a bias."""
-MANY = (30, 90, 150, 180), (0.1, 0.5, 0.9)
 
 
-@pytest.mark.parametrize(
-    ("cells", "picture"),
-    [
-        (CELLS, "patch"),
-        pytest.param(MANY, "patch", marks=pytest.mark.long),
-        pytest.param(MANY, "white", marks=pytest.mark.long),
-    ],
-)
-def test_bare_caps_follow_the_closed_form(cells, picture):
-    cells = sweep(*cells, picture=picture)
+def test_bare_caps_follow_the_closed_form():
+    cells = sweep(*CELLS, picture="patch")
     assert_unbiased(
         [one.found for one in cells], [one.error for one in cells], [one.truth for one in cells]
     )
     assert max(one.error / one.truth for one in cells) < 2e-3
-
-
-@pytest.mark.long
-def test_each_bounce_keeps_the_same_share():
-    cells = sweep((45, 105, 180), (0.2, 0.8))
-    scores = np.array([one.ratio_z for one in cells])
-    assert scores.shape == (6, reflection.BOUNCES)
-    assert_unbiased(scores, 1.0, 0.0)
 
 
 @pytest.mark.long
@@ -73,35 +55,11 @@ def test_a_biased_tracer_would_be_noticed(monkeypatch):
 CASES = {case.name: case for case in chosen()}
 
 
-@pytest.mark.long
-@pytest.mark.parametrize(
-    ("name", "pictures", "error", "allowed"),
-    [
-        ("recessed floor", ("white", "patch"), 5e-4, 1e-3),
-        ("floor at the spring line, albedo 0.2", ("white", "patch"), 1e-3, 5e-3),
-        ("gain lobe, share 0.3", ("white",), 3e-3, 5e-3),
-    ],
-)
-def test_tabulated_transport_is_what_paths_find(name, pictures, error, allowed):
-    case = replace(CASES[name], error=0.01, tabulated=error, others=(), pictures=pictures)
-    found = light_of(case, Effort(1.0, 8, 0, 0), 0)
-    for light in found.values():
-        tabulated = light.by[TABULATED]
-        assert tabulated.error < 1.5 * error
-        assert light.noise < 2.5e-3
-        assert tabulated.rms < np.hypot(allowed, light.noise)
-
-
-@pytest.mark.parametrize(
-    "name",
-    ["tilted, lens aside", pytest.param("furnished, with a gain lobe", marks=pytest.mark.long)],
-)
-def test_mitsubas_integrator_finds_the_same(name):
-    found = light_of(CASES[name], Effort(2.0, 8, 64, 0), 0)["coloured"].by
+def test_mitsubas_integrator_finds_the_same():
+    found = light_of(CASES["tilted, lens aside"], Effort(2.0, 8, 64, 0), 0)["coloured"].by
     assert abs(found[MITSUBA].off_by) < 2.5e-3 + 3.5 * found[MITSUBA].error
     assert found[MITSUBA].error < 4e-3
-    if name == "tilted, lens aside":
-        assert abs(found[CLOSED].off_by) < 4 * found[CLOSED].error
+    assert abs(found[CLOSED].off_by) < 4 * found[CLOSED].error
 
 
 def test_light_is_not_made():

@@ -80,7 +80,6 @@ QUICK = (
     "ellipsoid, flatter by 0.2",
     "tilted, lens aside",
     FURNISHED,
-    "albedo map, recessed floor",
 )
 DRAWN, QUICK_DRAWN = 20, 2
 NOISY = (TABULATED, RADIANCE, ENERGY)

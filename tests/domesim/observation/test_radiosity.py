@@ -441,7 +441,7 @@ def test_energy_balances_where_light_is_stopped() -> None:
 
 @pytest.mark.parametrize(
     ("name", "resolution"),
-    [("floor in the beam", 8), pytest.param("two beams", 16, marks=pytest.mark.long)],
+    [("floor in the beam", 8), pytest.param("two beams", 12, marks=pytest.mark.long)],
 )
 def test_light_that_is_stopped_is_reflected_as_walks_find(name: str, resolution: int) -> None:
     """Without it the first room's white is 6 to 27 % too dark."""

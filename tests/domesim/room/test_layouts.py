@@ -35,7 +35,7 @@ def test_any_theatre_is_lit_and_blended(wish):
 
 
 @pytest.mark.long
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(wishes)
 def test_theatres_are_lit_and_blended(wish):
     _require_lit_and_blended(wish)

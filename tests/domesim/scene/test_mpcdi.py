@@ -349,7 +349,7 @@ def refusal(path: Path) -> str:
     return ""
 
 
-@pytest.mark.parametrize("count", [150, pytest.param(2000, marks=pytest.mark.long)])
+@pytest.mark.parametrize("count", [150, pytest.param(1000, marks=pytest.mark.long)])
 def test_damaged_files_are_refused_in_one_line(tmp_path: Path, count: int) -> None:
     """The package itself, or a file in it, which then has the right checksum."""
     content = written_mpcdi(DOME, ring(1), (32, 20), "2026-11-25 19:30:11")

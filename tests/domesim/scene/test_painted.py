@@ -158,7 +158,6 @@ ROOMS = {
         "floor": {"height_m": -1.2},
         "wall": None,
     },
-    "floor alone": {"wall": None},
     "lit by lamps": {"lamps": LAMPS},
     "glossy": {"screen": {"lobe": {"share": 0.3, "roughness": 0.3}}},
 }

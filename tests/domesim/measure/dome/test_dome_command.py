@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import tomllib
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from command_line import outcome_of
 from matplotlib.image import imread
 
 from domesim.frames import ColourTag, Frame, write_frame
+from domesim.measure.dome import run as dome_run
 from domesim.measure.dome.camera import Camera
 from domesim.observation.radiosity import radiosity
 from domesim.scene import load_dome
@@ -94,6 +96,12 @@ def run(capfd):
     return lambda *arguments: outcome_of(capfd, "measure", "dome", *arguments)
 
 
+@pytest.fixture
+def _coarse(monkeypatch) -> None:
+    """Photographs are explained by fewer patches, where it is not the last digit that counts."""
+    monkeypatch.setattr(dome_run, "survey_of", partial(dome_run.survey_of, resolution=8))
+
+
 def test_a_theatre_is_measured_and_its_scene_loads(folder, run):
     out, picture = folder / "measured.toml", folder / "residual.png"
     code, said, _ = run(folder / "survey.toml", "--out", out, "--residual", picture, "--json")
@@ -126,6 +134,7 @@ def test_a_theatre_is_measured_and_its_scene_loads(folder, run):
 
 
 @pytest.mark.long
+@pytest.mark.usefixtures("_coarse")
 def test_white_of_so_many_lumens_is_that_of_the_measured_screen(folder, run):
     """Black is a share of it: the described screen, half as bright, would have another."""
     plan = PLAN.replace("white_cd_m2 = 8.0", "lumens = 5000.0")
@@ -147,6 +156,7 @@ def test_white_of_so_many_lumens_is_that_of_the_measured_screen(folder, run):
 
 
 @pytest.mark.long
+@pytest.mark.usefixtures("_coarse")
 def test_what_the_photographs_do_not_tell_is_not_answered(folder, run):
     out = folder / "two_measured.toml"
     code, said, complaint = run(folder / "two.toml", "--out", out, "--json")
@@ -161,6 +171,7 @@ def test_what_the_photographs_do_not_tell_is_not_answered(folder, run):
 
 
 @pytest.mark.long
+@pytest.mark.usefixtures("_coarse")
 def test_what_is_known_is_enough(folder, run):
     survey, out = folder / "known.toml", folder / "held.toml"
     known = """
@@ -196,6 +207,7 @@ def test_readings_of_a_meter_are_enough(folder, run):
 
 
 @pytest.mark.long
+@pytest.mark.usefixtures("_coarse")
 def test_photographs_and_a_meter_tell_white(folder, run):
     true = load_dome(folder / "true.toml")
     patterns = patterns_for(true.theatre.dome, 64)
