@@ -8,6 +8,7 @@ from __future__ import annotations
 import logging
 import re
 import struct
+import threading
 from collections.abc import Iterator
 from fractions import Fraction
 from pathlib import Path
@@ -113,6 +114,8 @@ def _elements(data: bytes, place: int, end: int, way: tuple[int, ...]) -> Iterat
 
 
 logging.getLogger("libav").addHandler(logging.NullHandler())
+_listening = threading.Lock()
+"""For who sets PyAV's level: a message that comes as another has just taken it off is an error."""
 
 
 def siting_of(frame: Any) -> str:
@@ -129,13 +132,14 @@ def siting_of(frame: Any) -> str:
     size = {"width": frame.width, "height": frame.height, "format": frame.format}
     source = graph.add_buffer(**size, time_base=Fraction(1, 1000))
     graph.link_nodes(source, graph.add("showinfo"), graph.add("buffersink")).configure()
-    level = log.get_level()
-    log.set_level(log.INFO)
-    try:
-        with log.Capture() as said:
-            graph.vpush(frame)
-            graph.vpull()
-    finally:
-        log.set_level(level)
+    with _listening:
+        level = log.get_level()
+        log.set_level(log.INFO)
+        try:
+            with log.Capture() as said:
+                graph.vpush(frame)
+                graph.vpull()
+        finally:
+            log.set_level(level)
     found = re.search(r"\bcl:(\w+)", "".join(text for _, _, text in said))
     return found[1] if found is not None and found[1] in SITINGS else "left"

@@ -48,8 +48,8 @@ def meaning_of(
         lightness = _lightness(opened)
     except (ImageCms.PyCMSError, OSError, AttributeError) as error:
         raise ValueError("an ICC profile that does not read") from error
-    curves = [curve for curve in CURVES if np.abs(lightness - _expected(curve)).max() <= _CODES]
-    if not curves:
+    curve = _near(lightness)
+    if curve is None:
         raise ValueError(f"ICC profile '{name}' with another tone curve")
     tags = [getattr(opened.profile, f"{primary}_primary") for primary in ("red", "green", "blue")]
     if None in tags:
@@ -57,9 +57,24 @@ def meaning_of(
     columns = np.array([xyz for xyz, _ in tags]).T
     for primaries, xy in chromaticities.items():
         if np.abs(columns - _adapted(xy)).max() <= _NEAR:
-            return curves[0], primaries
+            return curve, primaries
     xy = np.column_stack([columns, _D50])[:2] / np.column_stack([columns, _D50]).sum(axis=0)
-    return curves[0], tuple(xy.T.ravel().tolist())
+    return curve, tuple(xy.T.ravel().tolist())
+
+
+def curve_of(light: NDArray[np.float64]) -> str | None:
+    """Which of `CURVES` a table (256,) of light is, from 0 to 1; None if it is another."""
+    return _near(_seen(light))
+
+
+def _near(lightness: NDArray[np.float64]) -> str | None:
+    """The curve whose greys have that lightness."""
+    expected = {
+        curve: _seen(transfer.named(curve, white=100.0).decode(np.arange(256) / 255))
+        for curve in CURVES
+    }
+    near = (name for name, each in expected.items() if np.abs(lightness - each).max() <= _CODES)
+    return next(near, None)
 
 
 def _lightness(profile: Any) -> NDArray[np.float64]:
@@ -76,9 +91,8 @@ def _lightness(profile: Any) -> NDArray[np.float64]:
     return converted[:, 0].astype(np.float64) if tint <= 2 else np.full(256, -np.inf)
 
 
-def _expected(curve: str) -> NDArray[np.float64]:
-    """L* of greys of that curve (CIE 15:2018, 8.2.1), as `_lightness` gives it."""
-    light = transfer.named(curve, white=100.0).decode(np.arange(256) / 255)
+def _seen(light: NDArray[Any]) -> NDArray[np.float64]:
+    """L* of light (CIE 15:2018, 8.2.1), as `_lightness` gives it."""
     small = (24 / 116) ** 3
     root = np.where(light > small, np.cbrt(light), light * (841 / 108) + 16 / 116)
     return np.asarray((116 * root - 16) * 2.55)

@@ -157,10 +157,9 @@ class Format:
 
     def _colour(self, path: Path, spec: Any) -> ColourTag:
         space = spec.get_int_attribute("Exif:ColorSpace")
-        if space == 1:
-            return ColourTag("srgb", "BT.709", "file: Exif")
-        if space == _ADOBE_RGB or (space == _UNCALIBRATED and _interoperability(path) == "R03"):
-            return ColourTag("gamma2.2", "Adobe RGB", "file: Exif, Adobe RGB")
+        found = colour_of_exif(space, _interoperability(path) if space == UNCALIBRATED else "")
+        if found is not None:
+            return found
         stated = spec.get_string_attribute("oiio:ColorSpace")
         named = interop_named(path, stated)
         if named and named[0] != "srgb":  # sRGB is OpenImageIO's own guess
@@ -401,16 +400,51 @@ def writer_of(name: str) -> Iterator[Any]:
         yield writer
 
 
-_ADOBE_RGB, _UNCALIBRATED = 2, 65535  # of Exif's ColorSpace; 2 as cameras write it
+_SRGB, _ADOBE_RGB, UNCALIBRATED = 1, 2, 65535  # of Exif's ColorSpace; 2 as cameras write it
+_INTEROPERABILITY = 0xA005  # Exif's directory
+
+
+@contextmanager
+def by_pillow(path: Path) -> Iterator[Any]:
+    """Pillow's picture, of any size: `refuse_sides` looks at that."""
+    from PIL import Image  # noqa: PLC0415 - few files need it
+
+    most, Image.MAX_IMAGE_PIXELS = Image.MAX_IMAGE_PIXELS, None
+    try:
+        with Image.open(path) as opened:
+            yield opened
+    finally:
+        Image.MAX_IMAGE_PIXELS = most
+
+
+def colour_of_exif(space: int, index: str) -> ColourTag | None:
+    """The colour that Exif states.
+
+    Parameters
+    ----------
+    space
+        Its ColorSpace.
+    index
+        Its InteroperabilityIndex: R03 is Adobe RGB (CIPA DC-009, 4.2).
+    """
+    if space == _SRGB:
+        return ColourTag("srgb", "BT.709", "file: Exif")
+    if space == _ADOBE_RGB or (space == UNCALIBRATED and index.strip("\0 ") == "R03"):
+        return ColourTag("gamma2.2", "Adobe RGB", "file: Exif, Adobe RGB")
+    return None
+
+
+def index_of(exif: Any) -> str:
+    """InteroperabilityIndex of Pillow's Exif; "" if there is none."""
+    return str(exif.get_ifd(_INTEROPERABILITY).get(1, ""))
 
 
 def _interoperability(path: Path) -> str:
-    """Exif's InteroperabilityIndex: R03 is Adobe RGB (CIPA DC-009, 4.2)."""
-    from PIL import ExifTags, Image  # noqa: PLC0415 - few files need it
-
-    with Image.open(path) as opened:
-        index = opened.getexif().get_ifd(ExifTags.IFD.Interop).get(ExifTags.Interop.InteropIndex)
-    return str(index or "").strip("\0 ")
+    try:
+        with by_pillow(path) as opened:
+            return index_of(opened.getexif())
+    except (OSError, ValueError, SyntaxError):  # damaged, or of no format of Pillow's
+        return ""
 
 
 class CameraRawError(InputError):

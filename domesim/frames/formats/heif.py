@@ -15,11 +15,10 @@ from typing import Any, BinaryIO, ClassVar, Self, final
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 
 from domesim.errors import InputError
 from domesim.frames.containers import pyav, siting_of
-from domesim.frames.formats.base import Format, animated
+from domesim.frames.formats.base import Format, animated, by_pillow
 from domesim.frames.formats.png import chunk
 from domesim.frames.formats.png_pixels import compressed
 from domesim.frames.integrity import DamagedError, refuse_sides
@@ -59,7 +58,7 @@ class HEIF(Format):
         """FFmpeg's codes of all bits; and what Pillow alone tells."""
         pixels, points = _decoded(path)
         try:
-            with Image.open(path) as opened:
+            with by_pillow(path) as opened:
                 profile, orientation = opened.info.get("icc_profile"), opened.getexif()
                 alpha, size = opened.has_transparency_data, opened.size
         except (OSError, ValueError, RuntimeError, SyntaxError) as error:

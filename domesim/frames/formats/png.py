@@ -27,7 +27,7 @@ from domesim.frames.colour import (
     primaries_of,
 )
 from domesim.frames.eyes import SIDE_BY_SIDE, Eyes
-from domesim.frames.formats.base import Format, Target, animated, encode
+from domesim.frames.formats.base import Format, Target, animated, colour_of_exif, encode, index_of
 from domesim.frames.formats.png_pixels import compressed
 from domesim.frames.integrity import DamagedError, refuse_sides
 
@@ -35,6 +35,7 @@ _START = b"\x89PNG\r\n\x1a\n"
 # What libpng knows of colour; OpenImageIO writes its own in their place and loses cHRM.
 _COLOUR = (b"cICP", b"sRGB", b"gAMA", b"cHRM", b"mDCV", b"cLLI")
 _CARRIED = (b"tEXt", b"zTXt", b"iTXt", b"eXIf", b"tIME", b"pHYs", b"oFFs", b"sCAL")
+_EXIF, _SPACE = 0x8769, 0xA001  # Exif's directory, and its ColorSpace
 _KEPT = (b"IHDR", b"PLTE", b"iCCP", b"IDAT", b"IEND")
 
 
@@ -109,8 +110,24 @@ class PNG(Format):
             else:
                 primaries = named
                 sources.append("cHRM")
+        if not sources and (found := self._of_exif()) is not None:
+            return found
         source = f"file: {', '.join(sources)}" if sources else "assumed for PNG"
         return ColourTag(transfer, primaries, source)
+
+    def _of_exif(self) -> ColourTag | None:
+        """What Exif says, which OpenImageIO does not tell."""
+        from PIL import Image  # noqa: PLC0415 - few files have it
+
+        chunks = dict(chunks_of(_START + self.carried))
+        if b"eXIf" not in chunks:
+            return None
+        exif = Image.Exif()
+        try:
+            exif.load(chunks[b"eXIf"][8:-4])
+            return colour_of_exif(exif.get_ifd(_EXIF).get(_SPACE, 0), index_of(exif))
+        except (ValueError, SyntaxError, OSError, struct.error):  # of damage
+            return None
 
     def encoded(self, path: Path, spec: Any, samples: NDArray[Any]) -> bytes:
         """One line by OpenImageIO, for the header, and all compressed by all cores."""

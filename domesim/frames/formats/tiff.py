@@ -24,7 +24,8 @@ from numpy.typing import NDArray
 
 from domesim.advice import ADVICE
 from domesim.errors import InputError
-from domesim.frames.colour import ColourTag
+from domesim.frames import icc
+from domesim.frames.colour import ColourTag, primaries_of, unsupported_encoding
 from domesim.frames.formats.base import Format, Target, camera_raw
 from domesim.frames.integrity import DamagedError
 
@@ -37,6 +38,9 @@ _COMPRESSION, _FILL_ORDER, _EXIF = 259, 266, 34665
 _KIND, _PHOTOMETRIC, _SUB_DIRECTORIES, _DNG = 254, 262, 330, 50706
 _REDUCED = 1  # of `_KIND`
 _SENSOR = {32803, 34892}  # photometrics: a colour filter's, linear raw
+_CURVE, _WHITE, _PRIMARIES = 301, 318, 319  # TransferFunction, WhitePoint, PrimaryChromaticities
+_RATIONAL = 5  # a type
+_MOST = 6  # numbers of a tag of rationals that is read
 _COLS, _ROWS, _BITS, _ROWS_PER_STRIP, _PLANAR = 256, 257, 258, 278, 284
 _TILE_COLS, _TILE_ROWS = 322, 323
 _PLACES, _SIZES = (273, 324), (279, 325)  # of strips, of tiles
@@ -70,11 +74,29 @@ class TIFF(Format):
     exif = True
     storage = ("tiff:.*",)
 
+    primaries: str | None = None  # by PrimaryChromaticities
+    curve: str | None = None  # by TransferFunction; "" for none that has a name
+
     def examined(self, path: Path, file: BinaryIO) -> Self:
         tiff = _File(file)
         if tiff.is_raw():
             raise camera_raw(path)
-        return replace(self, stored_anew=tiff.stored_anew())
+        primaries, curve = tiff.colour()
+        return replace(self, stored_anew=tiff.stored_anew(), primaries=primaries, curve=curve)
+
+    def _colour(self, path: Path, spec: Any) -> ColourTag:
+        """By TIFF's own tags (TIFF 6.0, section 20), where there is no Exif."""
+        found = super()._colour(path, spec)
+        if not found.assumed or (self.curve, self.primaries) == (None, None):
+            return found
+        if self.curve == "":
+            raise unsupported_encoding(path, "another TransferFunction")
+        said = ["TransferFunction"] * bool(self.curve) + ["PrimaryChromaticities"] * bool(
+            self.primaries
+        )
+        source = f"file: {', '.join(said)}" + ("" if self.curve else f"; curve {found.source}")
+        curve, primaries = self.curve or found.transfer, self.primaries or found.primaries
+        return ColourTag(curve, primaries, source)
 
     def explain(self, path: Path, problem: str) -> None:
         lacking = _LACKING.search(problem)
@@ -186,6 +208,28 @@ class _File:
         form, room = f"{number}{name}", struct.calcsize(f"={self._word}")
         inline = struct.calcsize(f"={form}") <= room
         return self._read(form, place + 4 + room if inline else offset)
+
+    def colour(self) -> tuple[str | None, str | None]:
+        """Primaries and curve that the picture's own tags state: see `TIFF`."""
+        tags = next(self._directories())
+        places = [*self._rationals(tags, _PRIMARIES), *self._rationals(tags, _WHITE)]
+        table, bits = np.array(self._values(tags, _CURVE), float), self._first(tags, _BITS, 8)
+        curve = None
+        if len(table) in (1 << bits, 3 << bits) and bits in (8, 16):
+            light = table[: 1 << bits][:: (1 << bits) // 256 + (bits > 8)] / 65535
+            curve = icc.curve_of(light) or ""
+        named = primaries_of(places) if len(places) == 8 else None
+        return None if named == "BT.709" else named, curve
+
+    def _rationals(self, tags: _Tags, tag: int) -> list[float]:
+        """Values of a tag of rationals; none if there is no such tag."""
+        _, kind, number, offset = tags.get(tag, (0, 0, 0, 0))
+        if kind != _RATIONAL or number > _MOST:
+            return []
+        parts = self._read(f"{2 * number}I", offset)
+        return [
+            above / below for above, below in zip(parts[::2], parts[1::2], strict=True) if below
+        ]
 
     def is_raw(self) -> bool:
         """Whether it is a camera's: what stands first is a preview, or has a colour filter's light.

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
+from threading import Barrier
 
 import numpy as np
 import pytest
@@ -13,6 +15,7 @@ from videos import KINDS, Kind, number_of, numbered, write_numbered, write_video
 
 from domesim.errors import InputError
 from domesim.frames import read_frame, read_master
+from domesim.frames.containers import siting_of
 from domesim.frames.video import frame_paths
 
 pytest.importorskip("av")
@@ -273,6 +276,27 @@ def test_colour_differences_lie_where_the_stream_says(
     red_there = (4 * (x - across) / 2 - 64) / 896 * 1.5748
     assert np.abs(pixels[..., 2] - grey - blue_there)[inner].max() < 1e-5
     assert np.abs(pixels[..., 0] - grey - red_there)[inner].max() < 1e-5
+
+
+def test_threads_ask_for_it_one_after_the_other(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """PyAV has one level of what is logged for all: another's may not be taken off."""
+    import av  # noqa: PLC0415
+
+    kind = Kind(".mp4", "libx264", "yuv420p", x264("qp=0:chromaloc=2"))
+    path = write_video(tmp_path / "film.mp4", kind, [numbered(0, kind.pixels)])
+    with av.open(str(path)) as opened:
+        frame = next(opened.decode(video=0))
+    together = Barrier(2)
+
+    def asked(_: int) -> list[str]:
+        return [siting_of(frame) for _ in range(300) if together.wait() >= 0]
+
+    with ThreadPoolExecutor(2) as threads:
+        found = [each for part in threads.map(asked, range(2)) for each in part]
+    assert set(found) == {"topleft"}
+    assert not capfd.readouterr().err
 
 
 # Range.

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import tifffile
 from icc_profiles import gamma, icc_profile
 from image_files import store
 from PIL import ExifTags, Image
@@ -19,6 +20,8 @@ from plain_files import write_dpx
 
 from domesim.errors import InputError
 from domesim.frames import read_frame, read_master, write_frame
+from domesim.frames.colour import chromaticities_of
+from domesim.frames.encodings import encoding_named
 from domesim.light import transfer
 from domesim.observation.projector import Projector
 
@@ -443,10 +446,50 @@ def test_exif_says_adobe_rgb(tmp_path: Path, space: int, index: str | None) -> N
     inner[ExifTags.Base.ColorSpace] = space
     if index is not None:
         inner[ExifTags.IFD.Interop] = {1: index}
-    for name in ("x.jpg", "x.webp"):
-        Image.fromarray(flat()).save(tmp_path / name, exif=exif)
+    for name in ("x.jpg", "x.webp", "x.png"):
+        Image.fromarray(flat()).save(tmp_path / name, exif=exif.tobytes())
         colour = read_frame(tmp_path / name).colour
         assert (colour.transfer, colour.primaries) == ("gamma2.2", "Adobe RGB"), name
+
+
+def rationals(values: tuple[float, ...]) -> tuple[int, ...]:
+    return tuple(part for value in values for part in (round(value * 10_000), 10_000))
+
+
+@pytest.mark.parametrize("xy", [ADOBE, PROPHOTO, RADIANCE])
+def test_a_tiff_states_its_primaries_by_tags(tmp_path: Path, xy: tuple[float, ...]) -> None:
+    """TIFF 6.0, section 20: WhitePoint and PrimaryChromaticities."""
+    said = [(318, 5, 2, rationals(xy[6:]), True), (319, 5, 6, rationals(xy[:6]), True)]
+    for dtype, curve in ((np.uint8, "srgb"), (np.float32, "linear")):
+        samples = flat().astype(dtype) / (255 if dtype == np.float32 else 1)
+        path = tmp_path / "x.tif"
+        tifffile.imwrite(path, samples.astype(dtype), photometric="rgb", extratags=said)
+        colour = read_frame(path).colour
+        assert colour.transfer == curve
+        found = chromaticities_of(colour.primaries)
+        assert found is not None
+        np.testing.assert_allclose(found, xy, atol=2e-4)
+        assert colour.source.startswith("file: PrimaryChromaticities; curve assumed")
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+@pytest.mark.parametrize(("exponent", "curve"), [(1.0, "linear"), (2.2, "gamma2.2"), (1.5, None)])
+def test_a_tiff_states_its_curve_by_a_tag(
+    tmp_path: Path, dtype: type[np.unsignedinteger], exponent: float, curve: str | None
+) -> None:
+    """TIFF 6.0, section 20: TransferFunction."""
+    count = np.iinfo(dtype).max + 1
+    table = np.rint((np.arange(count) / (count - 1)) ** exponent * 65535).astype(int)
+    said = [(301, 3, count, tuple(table.tolist()), True)]
+    path = tmp_path / "x.tif"
+    tifffile.imwrite(path, flat().astype(dtype), photometric="rgb", extratags=said)
+    if curve is None:
+        with pytest.raises(InputError, match="got another TransferFunction"):
+            read_frame(path)
+        assert read_frame(path, colour=encoding_named("srgb")).header.colour is None
+        return
+    colour = read_frame(path).colour
+    assert (colour.transfer, colour.source) == (curve, "file: TransferFunction")
 
 
 @pytest.mark.parametrize(

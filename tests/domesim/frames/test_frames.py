@@ -520,7 +520,7 @@ def test_png_colour_is_read_and_written_back(
 
 
 @pytest.mark.parametrize(
-    "bad", [chunk(b"cICP", bytes([9, 18, 0, 1])), chunk(b"cICP", bytes([1, 1, 0, 0])), gamma(1.8)]
+    "bad", [chunk(b"cICP", bytes([9, 11, 0, 1])), chunk(b"cICP", bytes([1, 1, 0, 0])), gamma(1.8)]
 )
 def test_png_encodings_that_are_not_supported_are_refused(tmp_path: Path, bad: bytes) -> None:
     assert "Convert it first" in refusal(png_with(tmp_path / "in.png", bad))

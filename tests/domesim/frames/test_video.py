@@ -272,8 +272,8 @@ def test_hlg_of_other_primaries_is_refused(tmp_path: Path) -> None:
 
 
 def test_encoding_overrides_what_the_stream_says(tmp_path: Path) -> None:
-    path = untagged(tmp_path, transfer=18)  # hybrid log-gamma
-    with pytest.raises(InputError, match=r"film.0001.mp4: .* got transfer 18 .*--encoding"):
+    path = untagged(tmp_path, transfer=9)  # logarithmic
+    with pytest.raises(InputError, match=r"film.0001.mp4: .* got transfer 9 .*--encoding"):
         read_frame(path)
     frame = read_frame(path, colour=encoding_named("st2084"))
     assert (frame.colour.transfer, frame.colour.primaries) == ("st2084", "BT.2020")
