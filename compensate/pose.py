@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import TypeAlias, cast, final
 
@@ -63,6 +63,8 @@ class Posed:
         What is seen of it in a dome of one view, if that is known.
     overlay
         What the server composites over the frames; then `planes` are without it, `whole` with it.
+    lift
+        That of this frame's aim; None for the setting's.
     """
 
     setting: Setting
@@ -70,6 +72,7 @@ class Posed:
     whole: Light | None = None
     look: Seen | None = None
     overlay: Overlay | None = None
+    lift: float | None = None
 
     @cached_property
     def desired(self) -> Light:
@@ -201,7 +204,8 @@ class Posed:
         setting = self.setting
         if not isinstance(setting.eye, Aim):
             return None
-        eye, sight = setting.eye, setting.sight
+        eye = setting.eye if self.lift is None else replace(setting.eye, lift=self.lift)
+        sight = setting.sight
         if self.floor is not None:
             floor, columns = self.floor.planes, setting.columns
             return lifted_light(eye, sight, setting.single, self.own_planes, floor, columns=columns)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 from dataclasses import asdict, replace
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -11,6 +12,7 @@ import typer
 from compensate.commands.aiming import Aiming
 from compensate.methods import METHODS
 from compensate.shows.compensating import worse_than_untouched
+from compensate.shows.cue_list import read_cue_list
 from compensate.shows.cues import AUTO, CANDIDATES, Cue, Looking, cued, starts
 from compensate.shows.titles import titles_of
 from compensate.solver.fitting import Fitted
@@ -75,6 +77,17 @@ def compensate(
             show_default=False,
         ),
     ] = None,
+    cue_list: Annotated[
+        Path | None,
+        typer.Option(
+            "--cues",
+            metavar="FILE",
+            help="Sequences: a cue list (CSV) of parts of the show, by their first and last "
+            f"frame, with a method ({', '.join(CANDIDATES)}), a lift, and a ramp, the frames in "
+            "which the lift gets there. Frames of no part are done as without it.",
+            show_default=False,
+        ),
+    ] = None,
     pages: Annotated[
         int | None,
         typer.Option(
@@ -101,6 +114,8 @@ def compensate(
     writing, found = results.writing(repair=masters.repair), doing.find(masters)
     whole = masters.find() if doing.frames else found
     recipe = replace(recipe, titles=titles_of(overlay or [], scene, whole))
+    if cue_list is not None:
+        recipe = replace(recipe, cue_list=read_cue_list(cue_list, CANDIDATES))
     recipe.require_sense(scene)
     if doing.scheduler is None:  # whose workers may have a device that this machine has not
         solver = recipe.solver(scene, console.note)

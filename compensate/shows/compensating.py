@@ -5,7 +5,7 @@ from __future__ import annotations
 import shlex
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, final
 
@@ -17,6 +17,7 @@ from compensate.master import Solution, solve_frame
 from compensate.methods import Solver, perceptual, require_method
 from compensate.pose import Eye, Posed, Stage
 from compensate.ruler import NO_DIFFERENCE, PEOPLE_SAY, agreeing, compared
+from compensate.shows.cue_list import CueList
 from compensate.shows.cues import AUTO, Starts, method_at
 from compensate.shows.eyes import doubt
 from compensate.shows.films import films_lost
@@ -38,8 +39,9 @@ from domesim.scene import Scene, StereoScene
 from domesim.scene.choice import SceneChoice
 from domesim.scene.grade import KEPT
 from domesim.scene.screening import decoded, decoder, within_range
+from domesim.shows.sequences import number_of
 from domesim.shows.small import thinning
-from domesim.shows.timeline import Timeline
+from domesim.shows.timeline import Panel, Timeline
 from domesim.shows.work import Column, Judged, Note, Recipe, Work, Write, Writing
 
 PAPER, CONTRAST = "paper", "contrast"
@@ -82,6 +84,8 @@ class Compensating(Recipe):
     cues
         Of the method "auto": which method holds from which frame on. Settings of a job leave them
         out: its masters decide.
+    cue_list
+        A person's; None for none.
     """
 
     scene: SceneChoice
@@ -95,6 +99,7 @@ class Compensating(Recipe):
     spatial: bool = False
     titles: Titles | None = None
     cues: Starts = ()
+    cue_list: CueList | None = None
 
     def work(self, note: Note) -> Work[Any, Any]:
         """See `Recipe`."""
@@ -103,8 +108,7 @@ class Compensating(Recipe):
         stage = Stage(theatre, self.weighting(theatre))
 
         def prepare(source: Master) -> tuple[Master, Posed, float]:
-            overlay = None if self.titles is None else self.titles.of(source, theatre)
-            return source, *stage.pose_frame(source, overlay)
+            return source, *self._posed(stage, source, theatre)
 
         def solve(given: tuple[Master, Posed, float]) -> Solution:
             source, posed, out_of_range = given
@@ -115,8 +119,25 @@ class Compensating(Recipe):
 
         return Work(prepare, solve, _end, stage.ready)
 
+    def _posed(self, stage: Stage, source: Master, theatre: Scene) -> tuple[Posed, float]:
+        """A master in its scene, as of `Stage.pose_frame`."""
+        overlay = None if self.titles is None else self.titles.of(source, theatre)
+        posed, out_of_range = stage.pose_frame(source, overlay)
+        if self.cue_list is not None:
+            posed = replace(posed, lift=self._lift(source.path, theatre))
+        return posed, out_of_range
+
+    def _lift(self, path: Path, theatre: Scene) -> float:
+        """The lift of a master that a cue list is for."""
+        aim = self.weighting(theatre)
+        assert self.cue_list is not None
+        assert isinstance(aim, Aim)  # see `require_sense`
+        return self.cue_list.lift(number_of(path) or 0, aim.lift)
+
     def _method(self, source: Master) -> str:
         """The method of a master."""
+        if self.cue_list is not None:
+            return self.cue_list.method(number_of(source.path) or 0, self.method)
         return method_at(self.cues, source.path) if self.method == AUTO else self.method
 
     def require_sense(self, theatre: Scene) -> None:
@@ -128,6 +149,11 @@ class Compensating(Recipe):
             If they do not.
         """
         eye = self.weighting(theatre)
+        if self.cue_list is not None and (self.method == AUTO or not isinstance(eye, Aim)):
+            raise InputError(
+                f"--cues tells methods and lifts of the aim: leave --method {AUTO} and --weighting "
+                f"{PAPER} out"
+            )
         if self.method != AUTO:
             require_method(self.method, theatre)
         elif not isinstance(eye, Aim):
@@ -228,11 +254,13 @@ class Compensating(Recipe):
 
     def settings(self) -> dict[str, Any]:
         """See `Recipe`."""
-        left_out = ("scene", "titles", "cues")
+        left_out = ("scene", "titles", "cues", "cue_list")
         settings = {name: value for name, value in vars(self).items() if name not in left_out}
         settings = {"command": "compensate", **self.scene.settings(), **settings}
         if self.titles is not None:
             settings["overlay"] = self.titles.settings()
+        if self.cue_list is not None:
+            settings["cues"] = self.cue_list.settings()
         if self._least_squares(self.scene.load()):
             # Solvers round otherwise with it; nothing else uses it
             settings["fast"] = transforms().__name__
@@ -253,7 +281,8 @@ class Compensating(Recipe):
     def options(self, writing: Writing) -> dict[str, str]:
         """See `Recipe`."""
         overlay = {} if self.titles is None else {"--overlay": " and ".join(self.titles.names)}
-        return self.choices() | overlay | writing.options()
+        cues = {} if self.cue_list is None else {"--cues": self.cue_list.name}
+        return self.choices() | overlay | cues | writing.options()
 
     def choices(self) -> dict[str, str]:
         """Those of `options` that say what is computed."""
@@ -297,9 +326,15 @@ class Compensating(Recipe):
     def over_time(
         self, frames: Sequence[Mapping[str, Any]], seconds: Sequence[float]
     ) -> Timeline | None:
-        """See `Recipe`: black, and stars."""
+        """See `Recipe`: black, and stars; and the lift, where a cue list says it."""
         names = {"untouched": "untouched", "seen": "as shown"}
-        return timeline([frame.get("dark") for frame in frames], seconds, names)
+        found = timeline([frame.get("dark") for frame in frames], seconds, names)
+        if found is None or self.cue_list is None:
+            return found
+        theatre, sources = self.scene.load(), [frame["input"] for frame in frames]
+        paths = [Path(each if isinstance(each, str) else each[0]) for each in sources]
+        lift = Panel("lift", {"as shown": [self._lift(path, theatre) for path in paths]})
+        return replace(found, panels=[*found.panels, lift])
 
     def columns(self) -> tuple[Column, ...]:
         """See `Recipe`."""
@@ -336,8 +371,7 @@ class Compensating(Recipe):
         stage = Stage(theatre, self.weighting(theatre))
 
         def shown(master: Master) -> tuple[Posed, dict[str, Light]]:
-            overlay = None if self.titles is None else self.titles.of(master, theatre)
-            posed, _ = stage.pose_frame(master, overlay)
+            posed, _ = self._posed(stage, master, theatre)
             chosen = SpatiallyWeighted(posed, self._masked(posed)) if self.spatial else solver
             light = solved(posed, self._method(master), chosen).light
             ways = {"as shown": light, "subtracted": posed.subtractive, "untouched": posed.desired}
