@@ -365,7 +365,29 @@ class Format:
 
 
 def encode(path: Path, form: Format, spec: Any, samples: NDArray[Any]) -> bytes:
-    """A file's bytes, by OpenImageIO; parameters as for `Format.encoded`."""
+    """A file's bytes, by OpenImageIO.
+
+    Parameters
+    ----------
+    path
+        The file to write, for messages.
+    form
+        Its format.
+    spec
+        OpenImageIO's specification.
+    samples
+        (row, col, channel).
+
+    Returns
+    -------
+    content
+        All of the file.
+
+    Raises
+    ------
+    InputError
+        If there is no room, or OpenImageIO does not write that.
+    """
     with ExitStack() as stack:
         try:
             memory, place = stack.enter_context(in_memory(form.encoder_suffix(path)))
