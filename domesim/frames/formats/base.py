@@ -448,6 +448,11 @@ def colour_of_exif(space: int, index: str) -> ColourTag | None:
         Its ColorSpace.
     index
         Its InteroperabilityIndex: R03 is Adobe RGB (CIPA DC-009, 4.2).
+
+    Returns
+    -------
+    colour
+        None if it states none.
     """
     if space == _SRGB:
         return ColourTag("srgb", "BT.709", "file: Exif")
