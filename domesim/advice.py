@@ -67,6 +67,12 @@ ADVICE = {
     ),
     "another container": Advice("ffmpeg", "-i IN -c copy OUT.mkv", "the same film in Matroska"),
     "another codec": Advice("ffmpeg", f"-i IN {_FILM}", "the same frames, without loss, and sound"),
+    "no alpha of a film": Advice(
+        "ffmpeg", f"-i IN -vf lut=c3=maxval {_FILM}", "a film's colours as they are stored, opaque"
+    ),
+    "alpha of VP9": Advice(
+        "ffmpeg", f"-c:v libvpx-vp9 -i IN {_FILM}", "the same frames, with the alpha beside them"
+    ),
     "whole frames": Advice(
         "ffmpeg", f"-i IN -vf bwdif=mode=send_frame {_FILM}", "whole frames, at the same rate"
     ),

@@ -239,6 +239,56 @@ def test_films_come_in_another_container_or_codec_as_they_are(tmp_path: Path) ->
         assert dark == pytest.approx(0.3 if kind.full else (0.3 * 255 - 16) / 219, abs=0.02)
 
 
+def rgba(path: Path, codec: str, kind: str, alpha: int) -> Path:
+    """A film of three frames of one colour, by PyAV alone."""
+    import av  # noqa: PLC0415
+
+    with av.open(str(path), "w") as container:
+        stream = container.add_stream(codec, rate=24)
+        stream.width, stream.height, stream.pix_fmt = 64, 64, kind
+        for number in range(3):
+            codes = np.full((64, 64, 4), (152, 30, 15, alpha), np.uint8)
+            frame = av.VideoFrame.from_ndarray(codes, format="rgba").reformat(format=kind)
+            frame.pts = number
+            container.mux(stream.encode(frame))
+        container.mux(stream.encode(None))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("name", "codec", "kind"),
+    [
+        ("x.mkv", "ffv1", "bgra"),
+        ("x.mov", "prores_ks", "yuva444p10le"),
+        ("y.mkv", "ffv1", "gbrap10le"),
+    ],
+)
+def test_a_film_under_an_alpha_of_0_comes_out_whole(
+    tmp_path: Path, name: str, codec: str, kind: str
+) -> None:
+    try:
+        path, opaque = (rgba(tmp_path / f"{a}{name}", codec, kind, a) for a in (0, 255))
+    except ValueError:
+        pytest.skip(f"this FFmpeg has no {kind} of {codec}")
+    assert ADVICE["no alpha of a film"].given() in refusal(frame_paths(path)[0])
+    follow("no alpha of a film", path, tmp_path / "out.mkv")
+    found, wanted = (read_frame(frame_paths(each)[0]) for each in (tmp_path / "out.mkv", opaque))
+    same(found, wanted.pixels, atol=1 / 255)
+    assert "alpha" not in found.described()
+
+
+def test_alpha_beside_the_frames_of_vp9_is_no_secret(tmp_path: Path) -> None:
+    """FFmpeg's own decoder leaves it out without a word."""
+    path = rgba(tmp_path / "in.webm", "libvpx-vp9", "yuva420p", 128)
+    with pytest.raises(InputError) as caught:
+        frame_paths(path)
+    assert ADVICE["alpha of VP9"].given() in str(caught.value)
+    follow("alpha of VP9", path, tmp_path / "out.mkv")
+    assert (
+        "over black where its alpha" in read_frame(frame_paths(tmp_path / "out.mkv")[0]).described()
+    )
+
+
 def test_a_film_of_square_pixels_keeps_its_codes(tmp_path: Path) -> None:
     def stretch(stream: Any) -> None:
         stream.sample_aspect_ratio = stream.codec_context.sample_aspect_ratio = Fraction(2, 1)

@@ -47,10 +47,11 @@ def shown_over_black(frame: Frame) -> Frame:
     if not header.straight:
         return replace(frame, header=noted)
     if not opacity(header.extra[alpha]).any() and frame.pixels.any():
+        way = ADVICE["no alpha of a film" if header.file is None else "no alpha"].given()
         raise InputError(
             f"{frame.path}: wanted an alpha that lets something through, got 0 everywhere over a "
             "picture (captures of games have that). Export it without alpha "
-            f"({ADVICE['no alpha'].given()})."
+            f"({way})."
         )
     shown = over_black(frame.pixels, header.extra[alpha], frame.colour.transfer)
     return replace(frame, pixels=shown, header=noted)

@@ -294,6 +294,11 @@ def _picture_of(video: Path, container: Any) -> Stream:
     stream = streams[0]
     context = stream.codec_context
     _require_codec(video, context)
+    if context.name == "vp9" and stream.metadata.get("alpha_mode") == "1":
+        raise InputError(
+            f"{video}: wanted a film whose alpha is in its frames, got VP9 with one beside them. "
+            f"Convert it ({ADVICE['alpha of VP9'].given()})."
+        )
     refuse_sides(video, context.width, context.height)
     if stream.guessed_rate is None or not stream.time_base:
         raise InputError(f"{video}: wanted a frame rate, got none. Convert it to ProRes or FFV1.")
