@@ -260,7 +260,7 @@ def rgba(path: Path, codec: str, kind: str, alpha: int) -> Path:
     [
         ("x.mkv", "ffv1", "bgra"),
         ("x.mov", "prores_ks", "yuva444p10le"),
-        ("y.mkv", "ffv1", "gbrap10le"),
+        ("y.mkv", "ffv1", "yuva420p"),
     ],
 )
 def test_a_film_under_an_alpha_of_0_comes_out_whole(
