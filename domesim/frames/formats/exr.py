@@ -237,17 +237,26 @@ def written(path: Path, parts: Sequence[tuple[Attributes, Mapping[str, NDArray[A
     InputError
         If OpenEXR does not write that.
     """
+    try:
+        return _encoded(parts)
+    except (RuntimeError, ValueError) as error:
+        raise InputError(
+            f"{path}: wanted to encode an EXR, got '{one_line(str(error))}'. Write another format."
+        ) from error
+
+
+def _encoded(parts: Sequence[tuple[Attributes, Mapping[str, NDArray[Any]]]]) -> bytes:
     (header, planes), *others = parts
     halves = {each.dtype for each in planes.values()} == {np.dtype(np.float16)}
     lines = _LINES.get(header.get("compression", OpenEXR.ZIP_COMPRESSION))
     if others or not halves or lines is None or not is_available():
         OpenEXR.set_global_thread_count(threads())  # else it has none
-        return _encoded(path, parts)
+        return _by_openexr(parts)
     # One pixel as OpenEXR writes it, for the header; and chunks of our own, by all cores.
     rows, cols = next(iter(planes.values())).shape
     (left, top), _ = header.get("dataWindow", corners((0, 0, cols, rows)))
     pixel = header | {"dataWindow": corners((left, top, 1, 1))}
-    content = _encoded(path, [(pixel, {name: each[:1, :1] for name, each in planes.items()})])
+    content = _by_openexr([(pixel, {name: each[:1, :1] for name, each in planes.items()})])
     window, end = content.index(_WINDOW) + len(_WINDOW), _end_of_header(content)
     chunks = compressed([planes[name] for name in sorted(planes)], lines, int(top))
     places = end + 8 * len(chunks) + np.cumsum([0, *map(len, chunks[:-1])])
@@ -256,24 +265,18 @@ def written(path: Path, parts: Sequence[tuple[Attributes, Mapping[str, NDArray[A
     return b"".join([*before, places.astype("<u8").tobytes(), *chunks])
 
 
-def _encoded(path: Path, parts: Sequence[tuple[Attributes, Mapping[str, NDArray[Any]]]]) -> bytes:
-    """What OpenEXR's bindings make of parts."""
+def _by_openexr(parts: Sequence[tuple[Attributes, Mapping[str, NDArray[Any]]]]) -> bytes:
     made = io.BytesIO()
-    try:
-        OpenEXR.File(
-            [
-                OpenEXR.Part(
-                    {"compression": OpenEXR.ZIP_COMPRESSION, **header, **_STORED},
-                    # Of other than C order they would write other numbers, without an error.
-                    {name: np.ascontiguousarray(plane) for name, plane in planes.items()},
-                )
-                for header, planes in parts
-            ]
-        ).write(made)
-    except (RuntimeError, ValueError) as error:
-        raise InputError(
-            f"{path}: wanted to encode an EXR, got '{one_line(str(error))}'. Write another format."
-        ) from error
+    OpenEXR.File(
+        [
+            OpenEXR.Part(
+                {"compression": OpenEXR.ZIP_COMPRESSION, **header, **_STORED},
+                # Of other than C order it would write other numbers, without an error.
+                {name: np.ascontiguousarray(plane) for name, plane in planes.items()},
+            )
+            for header, planes in parts
+        ]
+    ).write(made)
     return made.getvalue()
 
 
@@ -337,7 +340,7 @@ def _window(window: Window) -> str:
 
 def as_carried(header: Attributes) -> bytes:
     """Attributes that still hold when pixels are stored anew, as an EXR of one pixel."""
-    return _encoded(Path("x.exr"), [(_kept(header), {"Y": np.zeros((1, 1), np.float16)})])
+    return _by_openexr([(_kept(header), {"Y": np.zeros((1, 1), np.float16)})])
 
 
 def attributes_in(carried: bytes) -> Attributes:
