@@ -37,6 +37,7 @@ from domesim.light.strips import threads
 
 MAGIC = b"v/1\x01"
 _BEGIN = 8  # of the header
+_LONG = 1 << 26  # bytes of headers: pictures of millions of things name them there
 _WINDOW = b"dataWindow\0box2i\0\x10\0\0\0"
 
 _COLOUR = ("chromaticities", "colorInteropID")
@@ -365,7 +366,7 @@ def _headers(file: BinaryIO) -> list[Attributes]:
         return _read(file)
     except (RuntimeError, ValueError, ArithmeticError):
         file.seek(0)
-        renamed = _JUDGED.sub(lambda found: found[0].swapcase(), file.read())
+        renamed = _JUDGED.sub(lambda found: found[0].swapcase(), file.read(_LONG))
         parts = _read(io.BytesIO(renamed))
         return [{name: _as_stated(value) for name, value in part.items()} for part in parts]
 
