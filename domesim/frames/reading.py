@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -197,6 +198,9 @@ def _examined(path: Path, projection: str, *, header: bool) -> Format | None:
 
 
 _ENDS = 1 << 18  # bytes in which XMP is looked for
+_PACKED = re.compile(
+    rb"XML:com\.adobe\.xmp\x00\x01\x00[^\x00]*\x00[^\x00]*\x00|(Raw profile type xmp\x00\x00)"
+)
 _PROJECTION = re.compile(rb"GPano:ProjectionType\s*(?:=\s*[\"']|>)\s*(\w+)")
 
 
@@ -204,7 +208,8 @@ def _refuse_projection(path: Path, file: BinaryIO, wanted: str) -> None:
     """Refuse a panorama that says so (Google's GPano, in XMP), unless it is `wanted`."""
     ends = file.read(_ENDS)
     file.seek(max(file.tell(), file.seek(0, os.SEEK_END) - _ENDS))
-    said = _PROJECTION.search(ends + file.read())
+    ends += file.read()
+    said = _PROJECTION.search(ends) or _PROJECTION.search(_packed(ends))
     file.seek(0)
     name = "" if said is None else one_line(said[1].decode("latin-1")).lower()
     if name not in ("", "fisheye", wanted):
@@ -272,6 +277,18 @@ def _refuse_video(path: Path) -> None:
     container = container_of(start)
     if container is not None:
         raise other_container(path, container)
+
+
+def _packed(content: bytes) -> bytes:
+    """XMP that a PNG holds compressed, as ImageMagick also in hexadecimal digits."""
+    found = _PACKED.search(content)
+    if found is None:
+        return b""
+    try:
+        text = zlib.decompressobj().decompress(content[found.end() :], _ENDS)
+        return text if found[1] is None else bytes.fromhex("".join(text.decode().split()[2:]))
+    except (zlib.error, ValueError):  # of damage, which its checksum tells
+        return b""
 
 
 # The header: where the samples are.

@@ -366,6 +366,28 @@ def gpano(projection: str, *, element: bool) -> bytes:
 
 
 @pytest.mark.parametrize("element", [True, False])
+def test_a_png_may_say_it_in_compressed_text(tmp_path: Path, element: bool) -> None:
+    """As iTXt, and as ImageMagick writes XMP; damage is damage."""
+    xmp = gpano("equirectangular", element=element)
+    digits = b"\nxmp\n%8d\n" % len(xmp) + xmp.hex().encode()
+    path = store(tmp_path / "x.png", flat())
+    content = path.read_bytes()
+    place = content.index(b"IDAT") - 4
+    for kind, start, text in (
+        (b"iTXt", b"XML:com.adobe.xmp\0\1\0\0\0", xmp),
+        (b"zTXt", b"Raw profile type xmp\0\0", digits),
+    ):
+        told = kind + start + zlib.compress(text)
+        chunk = struct.pack(">I", len(told) - 4) + told + struct.pack(">I", zlib.crc32(told))
+        path.write_bytes(content[:place] + chunk + content[place:])
+        with pytest.raises(InputError, match="says it is equirectangular"):
+            read_frame(path)
+        path.write_bytes(content[:place] + chunk.replace(told[-9:], bytes(9)) + content[place:])
+        with pytest.raises(InputError, match="wrong checksum"):
+            read_frame(path)
+
+
+@pytest.mark.parametrize("element", [True, False])
 def test_a_picture_that_says_it_is_a_panorama_is_refused(tmp_path: Path, element: bool) -> None:
     for projection in ("equirectangular", "cylindrical", "fisheye"):
         xmp = gpano(projection, element=element)
