@@ -435,9 +435,12 @@ def strips(rows: int, cols: int) -> list[slice]:
 
 def _square_size(rows: int, cols: int) -> int:
     if rows != cols:
+        way = "crop or pad it to a square around the dome's circle"
+        if cols in (2 * rows, 6 * rows):
+            kind = "equirectangular" if cols == 2 * rows else "cube-strip"
+            way += f", or, if it is a panorama, make one of it (domesim domemaster --from {kind})"
         raise InputError(
-            f"a domemaster is square, got {cols} x {rows} pixels (width x height); "
-            f"crop or pad it to a square around the dome's circle"
+            f"a domemaster is square, got {cols} x {rows} pixels (width x height); {way}"
         )
     if rows < 2:
         raise InputError(f"a domemaster has at least 2 x 2 pixels, got {cols} x {rows}")

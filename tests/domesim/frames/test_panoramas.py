@@ -121,3 +121,13 @@ def test_options_that_cannot_be(tmp_path: Path, out: Path, run: Run, option: tup
     path = store(tmp_path / "x.png", np.zeros((8, 16, 3), np.uint8))
     assert run("domemaster", path, *FROM, *option, "--out", out).code == 2
     assert not list(out.glob("*")) if out.exists() else True
+
+
+@pytest.mark.parametrize(("cols", "kind"), [(64, "equirectangular"), (192, "cube-strip"), (48, "")])
+def test_the_way_is_told_by_a_pictures_shape(
+    tmp_path: Path, out: Path, run: Run, cols: int, kind: str
+) -> None:
+    path = store(tmp_path / "x.png", np.full((32, cols, 3), 90, np.uint8))
+    refused = run("observe", path, "--scene", "dome_hemisphere", "--out", out)
+    refused.is_refused("a domemaster is square", *([f"domemaster --from {kind})"] if kind else []))
+    assert kind or "panorama" not in refused.err
