@@ -14,7 +14,7 @@ from compensate import aim
 from compensate.figures import Appraisal
 from compensate.fourier import Fourier
 from compensate.master import solve_frame
-from compensate.pose import Posed, Stage, pose
+from compensate.pose import Stage, pose
 from compensate.ruler import Ruler
 from compensate.solver.result import Status
 from compensate.weighting import PerceptualWeighting
@@ -175,17 +175,11 @@ def test_a_frame_in_which_nothing_clips_costs_no_transform(monkeypatch: pytest.M
     assert untouched.loss_before == untouched.loss_after > 0
 
 
-def whole(posed: Posed) -> dict[str, float]:
-    """Figures by their definitions, on whole arrays in float64."""
-    residual = np.asarray(posed.residual(posed.desired), np.float64)
-    too_bright = np.asarray(posed.single.residual(posed.subtractive))[:, posed.screen] > 1e-5
-    areas = posed.scene.pixel_areas(*posed.screen.shape)
-    projector = posed.scene.projector
-    mean = np.einsum("ij,vijp->p", areas, residual) / (areas.sum() * len(residual))
-    return {
-        "pollution": float(mean @ projector.luminance_weights) * projector.white,
-        "clipped": float(np.mean(np.any(too_bright, axis=-1))),
-    }
+def mean_of_whole(light: np.ndarray, scene: Scene) -> float:
+    """`mean_luminance` by its definition, on the whole array in float64."""
+    areas = scene.pixel_areas(*light.shape[1:3])
+    mean = np.einsum("ij,vijp->p", areas, light.astype(np.float64)) / (areas.sum() * len(light))
+    return float(mean @ scene.projector.luminance_weights) * scene.projector.white
 
 
 @pytest.fixture
@@ -199,12 +193,12 @@ def _strips(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_figures_in_strips_are_those_of_the_whole(case: str) -> None:
     scene, light = CASES[case]
     posed = pose(light, scene)
-    expected = whole(posed)
-    assert Appraisal(posed).pollution == pytest.approx(expected["pollution"], rel=1e-5)
-    assert Appraisal(posed).clipped == pytest.approx(expected["clipped"], abs=1e-12)
-    assert mean_luminance(light, scene) == pytest.approx(
-        mean_luminance(light.astype(np.float64), scene), rel=1e-5
-    )
+    added = np.asarray(posed.residual(posed.desired))
+    assert Appraisal(posed).pollution == pytest.approx(mean_of_whole(added, scene), rel=1e-5)
+    too_bright = np.asarray(posed.single.residual(posed.subtractive))[:, posed.screen] > 1e-5
+    clipped = np.mean(np.any(too_bright, axis=-1))
+    assert Appraisal(posed).clipped == pytest.approx(clipped, abs=1e-12)
+    assert mean_luminance(light, scene) == pytest.approx(mean_of_whole(light, scene), rel=1e-5)
 
 
 @pytest.mark.usefixtures("_strips")

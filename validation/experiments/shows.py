@@ -13,10 +13,10 @@ Expected
     its figures.
     A worker holds as much memory after its last frame as after the first tenth, within 5 %. A dry
     run's estimate is within 25 % of what the show takes (full run: 20 frames of 4096²; a show of
-    24 minutes at 30 frames a second is 2160 times that). At least 100 frames a second are handed
-    out to 32 workers and, in a full run, to 1000; these spend at least 0.8 of their time on frames
-    of 25 s, in which they sleep: all on this machine, which has to be worker, scheduler and
-    command at once.
+    24 minutes at 30 frames a second is 2160 times that). In a full run at least 100 frames a
+    second are handed out to 32 workers and to 1000; these spend at least 0.8 of their time on
+    frames of 25 s, in which they sleep: all on this machine, which has to be worker, scheduler and
+    command at once. A quick run tells its rate only, for other work may run beside it.
 """
 
 from __future__ import annotations
@@ -285,7 +285,6 @@ def run(work: Work) -> Finding:
         at_most(
             f"memory after {frames} frames over that after {frames // 10}", held[1] / held[0], 1.05
         ),
-        at_least(f"frames handed out to {CROWD} workers", rate, 100, "1/s"),
     ]
     gains = {name: runs.seconds[0] / runs.seconds[1] for name, runs in shows.items()}
     figures = {
@@ -313,6 +312,7 @@ def run(work: Work) -> Finding:
         to_many = work.step("many", float, lambda: handed_out(6000, MANY))
         busy = work.step("busy", float, lambda: kept_busy(MANY, FRAME, 3))
         checks += [
+            at_least(f"frames handed out to {CROWD} workers", rate, 100, "1/s"),
             at_least(f"frames handed out to {MANY} workers", to_many, 100, "1/s"),
             at_least(f"time that {MANY} workers spend on frames of {FRAME:.0f} s", busy, 0.8),
         ]

@@ -174,11 +174,14 @@ def test_a_box_in_the_beam_is_lit_as_an_independent_tracer_found() -> None:
         ),
     ],
 )
-def test_a_tabulated_theatre_keeps_light_that_is_stopped_before_the_screen(name, explicit):
+def test_a_tabulated_theatre_keeps_light_that_is_stopped_before_the_screen(
+    name, explicit, monkeypatch
+):
     """Against walks from the screen's pixels, which the laws of energy test."""
+    monkeypatch.setattr(tabulate_module, "LANES", 1 << 13)  # or more walks than are asked for
     theatre = BEFORE[name]
     tracer = Tracer(theatre)
-    size = 128
+    size = 64
     white = tracer.picture(np.ones((size, size, 3), np.float32))
     seen = tracer.screen(white, size, size, Settings(error=0.05, least=64))
     areas = theatre.dome.screen_areas(size, size)

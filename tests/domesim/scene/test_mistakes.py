@@ -8,7 +8,7 @@ import pytest
 from stored_masters import store, touched
 
 from domesim.errors import InputError
-from domesim.scene import load_scene, scene_names
+from domesim.scene import load_scene
 from domesim.scene.loading import scene_of_text
 
 DOME = """
@@ -90,14 +90,6 @@ def test_files_that_are_no_text(tmp_path: Path) -> None:
     for path in (touched(tmp_path / "b.toml", bytes(range(256))), store(tmp_path / "s.exr")):
         with pytest.raises(InputError, match=f"{path}.*TOML text file in UTF-8"):
             load_scene(path)
-
-
-@pytest.mark.parametrize("name", ["", "dome imax", "a\nb"])
-def test_a_name_that_is_like_no_other(name: str) -> None:
-    with pytest.raises(InputError) as refused:
-        load_scene(name)
-    for word in (f"scene {name!r} is not known", *scene_names()):
-        assert word in str(refused.value)
 
 
 PAIR = """

@@ -80,6 +80,8 @@ def test_a_scene_becomes_its_objects(tmp_path):
     ("name", "message"),
     [
         ("dome_imx", "did you mean 'dome_imax'"),
+        ("", "scene '' is not known; use one of"),
+        ("a\nb", r"scene 'a.nb' is not known"),
         ("nowhere", "use one of autostereo_7, autostereo_8, cinema_2d, dome_dark"),
         ("nowhere.toml", "No such file"),
         ("some/folder", "No such file"),

@@ -726,7 +726,7 @@ def test_a_dome_that_is_no_sphere_is_asked_by_radiosity(tmp_path: Path) -> None:
     assert "radiosity" in scene.facts()["Model"]
     assert scene.known is load(tmp_path, flat).known  # computed once
     white = np.ones((1, 32, 32, 3))
-    fine = radiosity(scene.theatre, nodes=49).observation(32, 32).observe(white) - white
+    fine = radiosity(scene.theatre, resolution=10).observation(32, 32).observe(white) - white
     found = scene.observation(32, 32).observe(white) - white
     on = scene.screen(32, 32)
     np.testing.assert_allclose(found[0, on], fine[0, on], rtol=0.02)
