@@ -263,7 +263,6 @@ def read_survey(path: Path, *, plain: bool = False) -> Task:
         with about(path):
             require_plain(scene.theatre)
     names = file.pattern_names
-    patterns = _patterns([folder / name for name in names], scene)
     files = [file.theatre, *names, *(shot.file for shot in file.photographs)]
     theatre = None
     if file.camera is not None and file.camera.registration is not None:
@@ -271,12 +270,14 @@ def read_survey(path: Path, *, plain: bool = False) -> Task:
         theatre = _registered(file.camera, folder, scene)
     if file.colours is not None:
         files += [shot.file for shot in file.colours.shots]
+    # First what a person has made, and can have made wrongly
+    photographs = _photographs(file, folder, scene, theatre) if file.photographs else None
     return Task(
         file=file,
         scene=scene,
         content=content,
-        patterns=patterns,
-        photographs=_photographs(file, folder, scene, theatre) if file.photographs else None,
+        patterns=_patterns([folder / name for name in names], scene),
+        photographs=photographs,
         readings=tuple(
             Reading(names.index(one.pattern), one.place_m, one.unit, one.value, one.error)
             for one in file.readings

@@ -10,7 +10,7 @@ from icc_profiles import SRGB_CURVE, icc_profile, linear
 from image_files import store
 
 from domesim.errors import InputError
-from domesim.measure.dome.file import CameraSection, _light
+from domesim.measure.dome.file import CameraSection, _light, read_survey
 
 CAMERA = CameraSection(mapping="domemaster")
 
@@ -29,3 +29,14 @@ def test_a_photograph_with_a_curve_is_refused_at_once(tmp_path: Path) -> None:
             with pytest.raises(InputError, match=r"wanted a linear photograph, got sRGB"):
                 _light(path, CAMERA)
     assert _light(photograph(tmp_path / "silent.tif"), CAMERA).shape == (8, 8, 3)
+
+
+def test_it_is_told_before_patterns_are_read(tmp_path: Path) -> None:
+    profile = icc_profile("made", "BT.709", SRGB_CURVE)
+    photograph(tmp_path / "curved.tif", ICCProfile=(f"uint8[{profile.size}]", profile))
+    (tmp_path / "survey.toml").write_text(
+        'theatre = "dome_hemisphere"\n[camera]\nmapping = "domemaster"\n'
+        '[[photographs]]\nfile = "curved.tif"\npattern = "none.exr"\n'
+    )
+    with pytest.raises(InputError, match=r"curved.tif: wanted a linear photograph, got sRGB"):
+        read_survey(tmp_path / "survey.toml")
