@@ -18,6 +18,7 @@ import tempfile
 import zlib
 from collections.abc import Callable, Iterator
 from fractions import Fraction
+from importlib.util import find_spec
 from pathlib import Path
 from typing import NamedTuple
 
@@ -108,6 +109,8 @@ FILMS = {
     "hevc.mp4": KINDS["HEVC without B"],
 }
 CINEMA = {"flat.mxf": False, "two eyes.mxf": True}
+PHONES = {"x.avif": "AVIF", **({"x.heic": "HEIF"} if find_spec("pillow_heif") else {})}
+"""Names, and what Pillow calls it: the extra ``heif`` may not be there."""
 PACKED = {"zstd.tif": "zstd", "lzma.tif": "lzma"}
 EDITED = {
     "sTER.png": ("8.png", lambda png: png[:33] + chunk(b"sTER", b"\0") + png[33:]),
@@ -123,6 +126,7 @@ NAMES = [
     *EDITED,
     *FILMS,
     *CINEMA,
+    *PHONES,
     *PACKED,
     "zstd.exr",
     "parts.exr",
@@ -133,6 +137,8 @@ VIDEOS = (*FILMS, *CINEMA)
 MAGICS = (b"v/1\1", b"\x89PNG\r\n\x1a\n", b"II*\0", b"MM\0*", b"SDPX", b"XPDS", b"\xff\xd8\xff\xe0")
 MAGICS += (
     b"8BPS\0\1",
+    b"\0\0\0\x18ftypheic",
+    b"\0\0\0\x18ftypavif",
     b"\0\0\0\x0cjP  \r\n\x87\n",
     b"\xff\x4f\xff\x51\0",
     b"BM",
@@ -177,6 +183,7 @@ def sound_files(folder: Path) -> dict[str, bytes]:
     for name, compression in PACKED.items():
         Image.fromarray(grey).save(folder / name, compression=compression)
         contents[name] = (folder / name).read_bytes()
+    contents |= {name: of_a_phone(folder / name, grey) for name in PHONES}
     contents["x.psd"] = flattened(grey)
     contents["parts.exr"] = several_parts(smooth.astype(np.float32))
     header = {"compression": OpenEXR.ZSTD_COMPRESSION, "type": OpenEXR.scanlineimage}
@@ -189,6 +196,16 @@ def sound_files(folder: Path) -> dict[str, bytes]:
     for name, content in contents.items():
         (folder / name).write_bytes(content)
     return contents
+
+
+def of_a_phone(path: Path, codes: np.ndarray) -> bytes:
+    """By Pillow, and libheif."""
+    if PHONES[path.name] == "HEIF":
+        import pillow_heif  # noqa: PLC0415
+
+        pillow_heif.register_heif_opener()
+    Image.fromarray(codes).save(path, PHONES[path.name])
+    return path.read_bytes()
 
 
 def flattened(codes: np.ndarray) -> bytes:

@@ -195,8 +195,9 @@ def header_for(path: Path, target: Target, window: Window, spec: Any | None) -> 
         spec.width = spec.height = 1
         (found,) = _headers(io.BytesIO(encode(path, form, spec, np.zeros((1, 1, spec.nchannels)))))
         header = _kept(found)
-    if not (target.same and target.keeps_colour):
+    if not target.keeps_colour:
         header = {name: value for name, value in header.items() if name not in _COLOUR}
+    if not (target.same and target.keeps_colour):
         header |= _stated(target.colour)
     # A container of SMPTE ST 2065-4 is half, of ACES AP0, and not compressed.
     if set(target.kinds) != {"half"} or not target.keeps_colour:

@@ -84,7 +84,10 @@ class HEIF(Format):
             opened = pillow_heif.open_heif(path, convert_hdr_to_8bit=False)
             refuse_sides(path, *opened.size)
             samples = np.asarray(opened)
-        except (OSError, ValueError, RuntimeError, SyntaxError, EOFError) as error:
+        except (
+            *(OSError, ValueError, RuntimeError, SyntaxError, EOFError),
+            IndexError,  # of a file without pictures
+        ) as error:
             raise DamagedError(f"one that does not decode ({one_line(str(error))})") from error
         if len(opened) > 1:
             raise InputError(
@@ -139,7 +142,8 @@ def _decoded(path: Path) -> tuple[NDArray[np.float32], tuple[int, int]]:
     av = pyav(path)
     options = {"format_whitelist": "mov,mp4,m4a,3gp,3g2,mj2"}
     try:
-        with av.open(f"file:{path}", options=options) as opened:
+        # Else text that is not UTF-8 would leave the file open
+        with av.open(f"file:{path}", options=options, metadata_errors="replace") as opened:
             stream = opened.streams.best("video")
             context = stream.codec_context
             refuse_sides(path, context.width, context.height)
