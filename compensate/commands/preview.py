@@ -12,6 +12,7 @@ from compensate.shows.previewing import Brightness, Previewing, write_preview
 from domesim.commands.options import Overwrite, Place, Telling, grouped
 from domesim.commands.shows import Masters, require_one_seat
 from domesim.errors import InputError
+from domesim.frames.containers import pyav
 from domesim.frames.video import video_of
 from domesim.host.writing import note_written, prepare
 from domesim.shows.checksums import sha256
@@ -71,6 +72,7 @@ def preview(place: Place, masters: Masters, showing: Showing, telling: Telling) 
     show = masters.find(showing.frames)
     inputs = [*place.files(), *(path for moment in show.moments for path in moment)]
     prepare(showing.out, inputs=inputs, overwrite=showing.overwrite)
+    pyav(showing.out)  # not only when all pictures are made
     figures = write_preview(
         show,
         showing.out,

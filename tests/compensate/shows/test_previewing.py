@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ import pytest
 from command_line import Run
 
 from compensate.pose import Stage
+from compensate.shows import previewing
 from compensate.shows.previewing import SIZE, WAYS, Brightness, Previewing, fitted
 from compensate.solve import solved
 from domesim.errors import InputError
@@ -130,6 +132,17 @@ def test_a_pair_is_shown_by_its_left_eye(run: Run, masters: Path, tmp_path: Path
     middle = frame[:, SIZE[0] // 2].astype(float).mean(axis=-1)
     assert middle[:700].argmax() > 400
     assert middle[48:300].max() < 60
+
+
+def test_pyav_is_missed_before_pictures_are_made(
+    run: Run, masters: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "av", None)
+    monkeypatch.setattr(previewing, "do_all", lambda *_: pytest.fail("a picture is made"))
+    film = tmp_path / "p.mp4"
+    asked = ("preview", masters / "show.####.png", "--scene", "dome_planetarium", "--out", film)
+    run(*asked).is_refused("p.mp4", "domesim[video]")
+    assert not film.exists()
 
 
 def test_what_cannot_be(run: Run, masters: Path, tmp_path: Path) -> None:
