@@ -137,6 +137,10 @@ def refused(path: Path, content: bytes, capfd: pytest.CaptureFixture[str]) -> st
     return message
 
 
+def test_a_tiff_without_a_directory(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    refused(tmp_path / "a.tif", b"II*\0\0\0\0\0" + bytes(64), capfd)
+
+
 @pytest.mark.parametrize("case", PNGS)
 def test_an_impossible_png(tmp_path: Path, capfd: pytest.CaptureFixture[str], case: str) -> None:
     content, words = PNGS[case]

@@ -211,7 +211,7 @@ class _File:
 
     def colour(self) -> tuple[str | None, str | None]:
         """Primaries and curve that the picture's own tags state: see `TIFF`."""
-        tags = next(self._directories())
+        tags: _Tags = next(self._directories(), {})
         places = [*self._rationals(tags, _PRIMARIES), *self._rationals(tags, _WHITE)]
         table, bits = np.array(self._values(tags, _CURVE), float), self._first(tags, _BITS, 8)
         curve = None
