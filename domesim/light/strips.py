@@ -19,8 +19,8 @@ from domesim.host.cores import cores
 
 T = TypeVar("T")
 
-SAMPLES = 200_000
-"""Samples of a strip: with a few temporaries, they fill a core's cache."""
+SAMPLES = 600_000
+"""Samples of a strip. Of fewer, threads spend their time on handing over Python's lock."""
 _NAME = "domesim-strips"  # of threads
 
 
