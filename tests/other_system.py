@@ -16,6 +16,7 @@ import multiprocessing.resource_tracker
 import multiprocessing.synchronize  # noqa: F401
 import os
 import select
+import shutil
 import signal
 import subprocess  # noqa: F401
 import tempfile  # noqa: F401
@@ -59,6 +60,7 @@ def become(platform: str) -> None:
             if hasattr(module, name):
                 delattr(module, name)
     if platform == "win32":
+        setattr(shutil, "_use_fd_functions", False)  # noqa: B010 - 3.13 asks for O_NONBLOCK
         find = ctypes.CDLL
 
         def library(name: Any, *rest: Any, **settings: Any) -> Any:
