@@ -9,7 +9,7 @@ from validation.benchmarks.passes import passes
 
 
 def test_bytes_of_each_pass_are_counted(tmp_path):
-    write_exr(tmp_path / "a.exr", night(512)[0])
+    write_exr(tmp_path / "a.exr", night(1024)[0])
     found = {
         each.name: each.moved
         for each in passes(tmp_path / "a.exr", "dome_imax", tmp_path / "b.exr", frames=2)
