@@ -264,6 +264,27 @@ def averaged(light: Light, screen: NDArray[np.bool_]) -> Light:
     return (np.ascontiguousarray(sums) if xp is np else sums) / block**2
 
 
+def whole_block_of(rows: int, cols: int) -> int:
+    """Pixels along a side of the largest blocks, up to `averaged`'s, that fill rows and columns.
+
+    A picture of their means has the screen of the whole one.
+
+    Parameters
+    ----------
+    rows, cols
+        Of the picture.
+
+    Returns
+    -------
+    block
+        At least 1.
+    """
+    block = -(-max(rows, cols) // FINEST)
+    while rows % block or cols % block:
+        block -= 1
+    return block
+
+
 def block_of(screen: NDArray[np.bool_]) -> int:
     """Pixels along a side of the blocks of `averaged`."""
     return int(-(-max(screen.shape) // FINEST))

@@ -19,7 +19,8 @@ from compensate.solver.fitting import Fitted
 from domesim.commands.options import Place, Telling, grouped
 from domesim.commands.shows import Doing, Masters, Results, film_asked
 from domesim.scene.grade import CLIPPED, KEPT
-from domesim.shows.first_look import look
+from domesim.shows.first_look import keep, look
+from domesim.shows.job import FOLDER
 from domesim.shows.run import Done
 
 
@@ -125,10 +126,11 @@ def compensate(
     cues: list[Cue] = []
     if method == AUTO and not doing.dry_run:
         folder, _ = film_asked(doing.out, found, writing)
-        look(found, recipe, folder, repair=writing.repair)
+        looked = look(found, recipe, folder, repair=writing.repair)
         looking = Looking(choice, recipe.weighting(scene), recipe.titles)
         running = doing.running()
         cues = cued(whole, folder, looking, console, writing=writing, running=running)
+        keep(looked, folder / FOLDER)  # or the job would look again
         recipe = replace(recipe, cues=starts(cues))
 
     def summary(done: Done) -> dict[str, Any]:

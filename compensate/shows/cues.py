@@ -26,9 +26,8 @@ from typing import Any, TypeAlias, final
 import numpy as np
 
 from compensate.pose import Eye, Posed, Stage
-from compensate.ruler import FINEST
+from compensate.ruler import whole_block_of
 from compensate.shows.titles import Titles
-from domesim.errors import InputError
 from domesim.frames import Master
 from domesim.frames.video import video_of
 from domesim.host.console import Console
@@ -37,10 +36,10 @@ from domesim.light.planes import gathered
 from domesim.scene.choice import SceneChoice
 from domesim.scene.screening import averaged_on_screen
 from domesim.shows.job import FOLDER, make_folder
-from domesim.shows.run import Running, crew_of, do_all, orders_of
+from domesim.shows.run import Running, crew_of, figures_of_all, orders_of
 from domesim.shows.sequences import number_of
 from domesim.shows.show import Show
-from domesim.shows.work import Column, Failed, Finished, Note, Order, Recipe, Work, Write, Writing
+from domesim.shows.work import Column, Note, Recipe, Work, Write, Writing
 
 AUTO = "auto"
 """Name of the choice among `CANDIDATES`."""
@@ -146,10 +145,7 @@ class Looking(Recipe):
         stage = Stage(theatre, self.eye)
 
         def prepare(source: Master) -> Posed:
-            rows, cols = source.frames[0].pixels.shape[:2]
-            step = -(-max(rows, cols) // FINEST)
-            while rows % step or cols % step:  # the screen is the same in small
-                step -= 1
+            step = whole_block_of(*source.frames[0].pixels.shape[:2])
             overlay = None if self.titles is None else self.titles.of(source, theatre)
             small = None if overlay is None else overlay.in_small(step)
             return stage.pose(averaged_on_screen(source, theatre, step), small)
@@ -218,16 +214,7 @@ def cued(
         return found
     outputs = show.outputs(folder, None)
     orders = orders_of(show, outputs, recipe, Writing(repair=writing.repair))
-    ended: dict[Order, Finished] = {}
-
-    def end(order: Order, outcome: Finished | Failed) -> None:
-        if isinstance(outcome, Failed):
-            raise InputError(outcome.reason)
-        ended[order] = outcome
-
-    with console.progress("looking", len(orders)) as start:
-        do_all(orders, crew_of(running, recipe, show), start, end, console)
-    frames = [ended[order].figures for order in orders]
+    frames = figures_of_all(orders, crew_of(running, recipe, show), console, "looking")
     cues = [
         _cue(show, part, [frames[k]["lost"] for k in part])
         for part in shots([frame["signature"] for frame in frames])

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from compensate.figures import Appraisal
 from compensate.pose import Posed, Stage
-from compensate.ruler import FINEST
+from compensate.ruler import whole_block_of
 from compensate.shows.over_time import timeline
 from compensate.solve import solved
 from domesim.errors import InputError
@@ -34,10 +34,10 @@ from domesim.light.transfer import SRGB
 from domesim.observation.stereo import VIEWS
 from domesim.scene.choice import SceneChoice
 from domesim.scene.screening import averaged_on_screen
-from domesim.shows.run import Running, crew_of, do_all, orders_of
+from domesim.shows.run import Running, crew_of, figures_of_all, orders_of
 from domesim.shows.show import Show
 from domesim.shows.timeline import Panel
-from domesim.shows.work import Column, Failed, Finished, Note, Order, Recipe, Work, Write, Writing
+from domesim.shows.work import Column, Note, Order, Recipe, Work, Write, Writing
 
 WAYS = {"none": "untouched", "subtractive": "subtracted", "perceptual": "compensated"}
 """Methods that are shown, from left to right, and their captions."""
@@ -111,10 +111,7 @@ class Previewing(Recipe):
         stage = Stage(theatre)
 
         def prepare(source: Master) -> tuple[Path, Posed]:
-            rows, cols = source.frames[0].pixels.shape[:2]
-            step = -(-max(rows, cols) // FINEST)
-            while rows % step or cols % step:
-                step -= 1
+            step = whole_block_of(*source.frames[0].pixels.shape[:2])
             return source.path, stage.pose(averaged_on_screen(source, theatre, step))
 
         def solve(given: tuple[Path, Posed]) -> tuple[Path, Posed, dict[str, Light]]:
@@ -178,14 +175,13 @@ def fitted(light: NDArray[np.float32], cols: int, rows: int) -> NDArray[np.float
 
 def _figures(posed: Posed, lights: Mapping[str, Light]) -> dict[str, Any]:
     """Black, stars and light, cd/m², of the master and of each way."""
-    appraisal, white = Appraisal(posed), posed.scene.projector.white
-    dark = {"master": 0.0, "star_master": None}
+    appraisal, dark = Appraisal(posed), dict[str, float | None]()
     for way, light in lights.items():
         found = appraisal.dark(appraisal.look(light))
         dark |= {"master": found.master, "star_master": found.star_master}
         dark |= {way: found.seen, f"star_{way}": found.star_seen}
-    light = posed.scene.projector.luminance(posed.desired)[:1, posed.screen] / white
-    return {"dark": dark, "light": white * float(light.mean(dtype=np.float64))}
+    luminance = posed.scene.projector.luminance(posed.desired)[:1, posed.screen]
+    return {"dark": dark, "light": float(luminance.mean(dtype=np.float64))}
 
 
 def write_preview(
@@ -231,13 +227,6 @@ def write_preview(
         If a master cannot be read, or the film not be written.
     """
     theatre = recipe.scene.load()
-    ended: dict[Order, Finished] = {}
-
-    def end(order: Order, outcome: Finished | Failed) -> None:
-        if isinstance(outcome, Failed):
-            raise InputError(outcome.reason)
-        ended[order] = outcome
-
     with tempfile.TemporaryDirectory(prefix=".domesim-", dir=path.parent) as scratch:
         # The picture goes to the first; others are what a result of such masters has
         places = [
@@ -245,9 +234,7 @@ def write_preview(
             for k, moment in enumerate(show.moments)
         ]
         orders = orders_of(show, places, recipe, Writing(".png", repair=repair))
-        with console.progress("previewing", len(orders)) as start:
-            do_all(orders, crew_of(running, recipe, show), start, end, console)
-        figures = [ended[order].figures for order in orders]
+        figures = figures_of_all(orders, crew_of(running, recipe, show), console, "previewing")
         seconds = [float(k / timing.rate) for k in range(len(orders))]
         graph = Graph(figures, seconds)
         told = recipe.brightness.told(theatre.projector.white)
@@ -285,29 +272,30 @@ class _Sheet:
 
     def __init__(self, wipe: bool, told: str) -> None:
         self._wipe, self._told = wipe, told
+        titles = ["untouched | compensated"] if wipe else list(WAYS.values())
+        self._room = SIZE[0] // len(titles)
+        captions = np.hstack([_written(title, self._room, 26) for title in titles])
+        self._empty = np.zeros((SIZE[1], SIZE[0], 3), np.uint8)
+        self._empty[: len(captions)] = captions
 
     def around(
         self, pictures: NDArray[np.uint8], name: str, second: float, graph: NDArray[np.uint8]
     ) -> NDArray[np.uint8]:
         """A frame of the film, (row, col, 3)."""
-        sheet = np.zeros((SIZE[1], SIZE[0], 3), np.uint8)
+        sheet, room = self._empty.copy(), self._room
         parts = np.split(pictures, 2 if self._wipe else len(WAYS), axis=1)
-        titles = list(WAYS.values())
         if self._wipe:
             untouched, compensated = parts
             cols = untouched.shape[1]
             line = round(abs(1 - 2 * (second / WIPES % 1)) * cols)
             both = np.hstack([untouched[:, :line], compensated[:, line:]])
             both[:, max(0, line - 1) : line + 1] = 128
-            parts, titles = [both], ["untouched | compensated"]
-        room = SIZE[0] // len(parts)
-        for k, (part, title) in enumerate(zip(parts, titles, strict=True)):
+            parts = [both]
+        for k, part in enumerate(parts):
             rows, cols = part.shape[:2]
             left = k * room + (room - cols) // 2
             top = _CAPTION + (SIZE[1] - _GRAPH - _CAPTION - rows) // 2
             sheet[top : top + rows, left : left + cols] = part
-            caption = _written(title, room, 26)
-            sheet[: len(caption), k * room : k * room + room] = caption
         note = _written(f"{self._told}    {name}", SIZE[0], 18)
         sheet[SIZE[1] - len(note) :] = note
         top = SIZE[1] - len(note) - len(graph)

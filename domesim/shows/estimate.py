@@ -134,7 +134,7 @@ def estimate(
     tried = _Tried()
     with tempfile.TemporaryDirectory(prefix=".domesim-", dir=place) as scratch:
         part = show.some(chosen)
-        outputs = _outputs(part, only, writing, Path(scratch))
+        outputs = _outputs(part, writing, Path(scratch))
         orders = orders_of(part, outputs, recipe, writing)
         with console.progress("trying", len(orders)) as start:
             do_all(orders, crew, start, tried.end, console)
@@ -179,13 +179,11 @@ def estimate(
     return figures
 
 
-def _outputs(part: Show, only: Show, writing: Writing, scratch: Path) -> Sequence[Files]:
-    """Where trials go; those of one master have folders of their own."""
-    if part.moments == only.moments or len(only.moments) > 1:
-        outputs = writing.places(part, scratch)
-    else:
-        folders = (scratch / str(k) for k in range(len(part.moments)))
-        outputs = tuple(writing.places(only, folder)[0] for folder in folders)
+def _outputs(part: Show, writing: Writing, scratch: Path) -> Sequence[Files]:
+    """Where trials go: each has a folder of its own, for all may be of one master."""
+    outputs = [
+        writing.places(part.some([k]), scratch / str(k))[0] for k in range(len(part.moments))
+    ]
     for path in chain(*outputs):
         path.parent.mkdir(parents=True, exist_ok=True)
     return outputs

@@ -528,6 +528,40 @@ def orders_of(
     ]
 
 
+def figures_of_all(
+    orders: Sequence[Order], crew: Crew | None, console: Console, what: str
+) -> list[dict[str, Any]]:
+    """Does all orders, and returns their figures, in order; the first that fails ends it.
+
+    Parameters
+    ----------
+    orders, crew, console
+        As for `do_all`.
+    what
+        It, in one word for the progress bar.
+
+    Returns
+    -------
+    figures
+        Of each.
+
+    Raises
+    ------
+    InputError
+        If one cannot be done.
+    """
+    ended: dict[Order, Finished] = {}
+
+    def end(order: Order, outcome: Finished | Failed) -> None:
+        if isinstance(outcome, Failed):
+            raise InputError(outcome.reason)
+        ended[order] = outcome
+
+    with console.progress(what, len(orders)) as start:
+        do_all(orders, crew, start, end, console)
+    return [ended[order].figures for order in orders]
+
+
 def do_all(
     orders: Sequence[Order],
     crew: Crew | None,

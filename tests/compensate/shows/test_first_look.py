@@ -134,17 +134,31 @@ def test_a_damaged_frame_is_no_reason_to_refuse_a_show(run: Run, street, tmp_pat
     assert len(list((tmp_path / "out").glob("**/x.*.dpx"))) == 2 * (COUNT - 1)
 
 
-def test_a_job_that_goes_on_does_not_look_again(
-    run: Run, street, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    looked: list[Path] = []
+@pytest.fixture
+def looked(monkeypatch: pytest.MonkeyPatch) -> list[Path]:
+    """The masters that are read from now on."""
+    found: list[Path] = []
     read: Callable[..., object] = Show.read
 
     def counted(show: Show, moment: tuple[Path, ...], **how: bool) -> object:
-        looked.append(moment[0])
+        found.append(moment[0])
         return read(show, moment, **how)
 
     monkeypatch.setattr(first_look.Show, "read", counted)
+    return found
+
+
+def test_a_cue_list_and_its_job_look_once(
+    run: Run, street, tmp_path: Path, looked: list[Path]
+) -> None:
+    left, right = (written(tmp_path / eye, view) for eye, view in zip("LR", street, strict=True))
+    assert asked(run, tmp_path, left, right, "--frames", "0-2", "--method", "auto").code == 0
+    assert len(looked) == 3 + COUNT + 3  # by the look, for the list of the whole show, by the job
+
+
+def test_a_job_that_goes_on_does_not_look_again(
+    run: Run, street, tmp_path: Path, looked: list[Path]
+) -> None:
     left, right = (written(tmp_path / eye, view) for eye, view in zip("LR", street, strict=True))
     few = ("--frames", "0-2")
     assert asked(run, tmp_path, left, right, *few).code == 0

@@ -138,7 +138,7 @@ def test_pyav_is_missed_before_pictures_are_made(
     run: Run, masters: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "av", None)
-    monkeypatch.setattr(previewing, "do_all", lambda *_: pytest.fail("a picture is made"))
+    monkeypatch.setattr(previewing, "figures_of_all", lambda *_: pytest.fail("a picture is made"))
     film = tmp_path / "p.mp4"
     asked = ("preview", masters / "show.####.png", "--scene", "dome_planetarium", "--out", film)
     run(*asked).is_refused("p.mp4", "domesim[video]")
