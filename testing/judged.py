@@ -6,10 +6,11 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
+from compensate.bundled import bundled_night
 from domesim.light import Light
 from domesim.scene import Scene, load_scene
 from domesim.scene.screening import decoded
-from testing.masters import bundled_night, night
+from testing.masters import night
 from testing.pairs import averaged
 
 JUDGED: dict[str, tuple[float, float]] = {

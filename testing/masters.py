@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +10,6 @@ import OpenImageIO as oiio  # noqa: N813 (its own documentation calls it so)
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
-from domesim.frames import Master, read_master
 from domesim.frames.formats.base import writer_of
 from domesim.light import Light
 
@@ -26,12 +24,6 @@ def night(size: int, seed: int = 0) -> Light:
     for (row, col), radius in zip(centres, radii, strict=True):
         light[np.hypot(rows - row, cols - col) < radius] = random.uniform(0.3, 1.0)
     return (light[None, :, :, None] * np.array([1.0, 0.9, 0.75])).astype(np.float32)
-
-
-def bundled_night() -> Master:
-    """The bundled night scene."""
-    with resources.as_file(resources.files("scenes") / "masters" / "night.exr") as path:
-        return read_master([path])
 
 
 def write_exr(path: Path, pixels: NDArray[Any]) -> None:

@@ -9,6 +9,7 @@ from typing import TypeAlias, final
 
 import numpy as np
 
+from compensate.bundled import bundled_night
 from domesim.frames import Master, read_master
 from domesim.light import Light
 from domesim.scene import Scene, load_scene
@@ -108,7 +109,7 @@ def wanted(work: Work) -> tuple[Mapping[str, Input], list[str]]:
     """Inputs by name, and why others are not measured."""
     quick = work.quick
     width, size = (QUICK_WIDTH, QUICK_SIZE) if quick else (WIDEST, DOME_SIZE)
-    night = _of_dome(partial(domemaster, masters.bundled_night, size), quick=quick)
+    night = _of_dome(partial(domemaster, bundled_night, size), quick=quick)
     street = _of_pair(partial(content.PAIRS["night street"], width), quick=quick)
     if quick:
         return {"night street": street, "night": night}, ["Most inputs: with a full run"]

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import shlex
 import sys
-from importlib import resources
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
+from compensate.bundled import bundled_night
 from compensate.commands.aiming import Aiming
 from compensate.methods import Solver
 from compensate.page.comparison import Comparison, compare_methods, shown_methods
@@ -27,7 +27,7 @@ from domesim.commands.options import (
 )
 from domesim.commands.shows import Masters
 from domesim.errors import InputError
-from domesim.frames import Master, read_master, write_master
+from domesim.frames import Master, write_master
 from domesim.host.console import Console, about
 from domesim.host.writing import prepare
 from domesim.pathtrace.llvm import lacking
@@ -71,7 +71,7 @@ def compare(
     comparison.write_page(out, size=size, command=_command_line())
     console.say(f"Open {out.resolve()}")
     facts = {**place.about(scene), **frame.facts(), "page": str(out)}
-    console.figures({**facts, "methods": comparison.figures()})
+    console.figures({**facts, "methods": comparison.figures(), **_unmeasured(comparison)})
 
 
 @grouped
@@ -86,8 +86,7 @@ def demo(
     theatre = scene_of(SceneChoice(scene, transport), console)
     if not isinstance(theatre, DomeScene):
         raise InputError(f"--scene {scene}: the demo's master is a domemaster; use a dome theatre")
-    with resources.as_file(resources.files("scenes") / "masters" / "night.exr") as path:
-        frame = read_master([path])
+    frame = bundled_night()
     console.say(f"Master: {frame.described()}", f"Theatre: {theatre.name}. {theatre.description}")
     page = out / "compare.html"
     names = ("project", *(f"seen-{method}" for method in shown_methods(theatre)))
@@ -102,7 +101,7 @@ def demo(
         console.say(missing)
     console.say(f"Frames: {', '.join(files)}", f"Open {page.resolve()}")
     facts = {**about_scene(theatre), **frame.facts(), "files": files, "page": str(page)}
-    console.figures({**facts, "methods": comparison.figures()})
+    console.figures({**facts, "methods": comparison.figures(), **_unmeasured(comparison)})
 
 
 def _compared(
@@ -114,7 +113,14 @@ def _compared(
         console.say(line_of(outcome.figures))
     if told := comparison.stars():
         console.say(told)
+    console.say(*(f"{heading}: {text}" for heading, text in comparison.albedo().items()))
     return comparison
+
+
+def _unmeasured(comparison: Comparison) -> dict[str, Any]:
+    """What an albedo costs that nobody measured, for programs."""
+    found = comparison.unmeasured
+    return {} if found is None else {"unmeasured": found.figures()}
 
 
 def _command_line() -> str:

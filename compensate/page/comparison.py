@@ -18,6 +18,7 @@ from compensate.page.page import Figure, View, write_page
 from compensate.plain import PlainFigures
 from compensate.pose import Eye, Posed, Stage
 from compensate.ruler import NO_DIFFERENCE, PEOPLE_SAY
+from compensate.unmeasured import Unmeasured, unmeasured
 from domesim.frames import Master
 from domesim.host.numbers import decimal, percent
 from domesim.inspection.magnitudes import SOURCES, Faintest
@@ -86,6 +87,7 @@ class Comparison:
     frame: Master
     appraisal: Appraisal
     outcomes: Mapping[str, Outcome]
+    unmeasured: Unmeasured | None = None
 
     @property
     def posed(self) -> Posed:
@@ -95,6 +97,11 @@ class Comparison:
     def figures(self) -> dict[str, dict[str, Any]]:
         """Method -> figures."""
         return {method: asdict(outcome.figures) for method, outcome in self.outcomes.items()}
+
+    def albedo(self) -> dict[str, str]:
+        """Says what it costs that nobody measured the albedo: heading -> text, or nothing."""
+        found = self.unmeasured
+        return {} if found is None else {"Albedo not measured": found.told("this picture")}
 
     def frames(self) -> Iterator[tuple[str, Master]]:
         """Name and frame of what to project, and of what is seen with each method."""
@@ -288,6 +295,7 @@ class Comparison:
             "Master": self.frame.described(),
             **scene.facts(),
             **self._told_of_views(),
+            **self.albedo(),
             polluted: f"{decimal(best.pollution)} cd/m² on average, untouched",
             "Too dark for exact subtraction": f"{best.clipped:.1%} of the screen",
             "Out of the projector's range": f"{best.out_of_range:.1%} of the screen",
@@ -352,4 +360,5 @@ def compare_methods(
         outcomes[method] = solve_frame(
             frame, posed, out_of_range, method, solver if method == "perceptual" else None
         ).outcome(appraisal)
-    return Comparison(frame, appraisal, outcomes)
+    shown = outcomes["perceptual"].light
+    return Comparison(frame, appraisal, outcomes, unmeasured(posed, shown, appraisal))

@@ -142,6 +142,11 @@ def _dome_figures(
             f"Albedo of the screen: {_range(figures['albedo_least'], figures['albedo_most'])}, by "
             f"its map, holes counted in"
         )
+    if light is not None:
+        for entry in entry_points(group="domesim.scene.check"):  # of the packages above
+            if (found := entry.load()(scene)) is not None:
+                line, figures[entry.name] = found
+                console.say(line)
     if eyes:
         console.say(
             f"Seats: {len(eyes)}; heights of eyes over the dome's centre: "

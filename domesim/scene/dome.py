@@ -282,9 +282,8 @@ class DomeScene(Scene):
         """
         if self.stereo is not None:
             return None
-        stored = self.transport
-        alone = stored is not None and bool(stored.provenance.get("measured"))
-        if self.measured is None and not alone:
+        stored, alone = self.transport, self._transport_measured
+        if not self.albedo_measured:
             return None
         if stored is None:
             stored = whole_transport(self.theatre)
@@ -406,6 +405,38 @@ class DomeScene(Scene):
         }
         return tuple(reason for reason, holds in left_out.items() if holds)
 
+    @property
+    def albedo_measured(self) -> bool:
+        """Whether the screen's albedo, or the light that it reflects, was measured."""
+        return self.measured is not None or self._transport_measured
+
+    @property
+    def _transport_measured(self) -> bool:
+        return self.transport is not None and bool(self.transport.provenance.get("measured"))
+
+    def with_albedo(self, times: float) -> DomeScene:
+        """The same theatre with a screen of another albedo; white is as bright as it was.
+
+        A stored transport is scaled as a bare screen's reflected light is.
+
+        Parameters
+        ----------
+        times
+            Of today's albedo; a lighter screen has `WHITEST` at most.
+
+        Returns
+        -------
+        scene
+            That is in no file.
+        """
+        old = np.asarray(self.theatre.albedo)
+        albedo = np.minimum(times * old, np.maximum(old, WHITEST))
+        scene = replace(self, theatre=replace(self.theatre, albedo=three(albedo)))
+        if self.transport is None:
+            return scene
+        factor = bare_transport(scene.theatre).core / bare_transport(self.theatre).core
+        return replace(scene, transport=replace(self.transport, core=self.transport.core * factor))
+
     def seen_from(self, name: str) -> DomeScene:
         """The same theatre, with figures and predictions for one of its seats or viewpoints.
 
@@ -439,6 +470,8 @@ class DomeScene(Scene):
         return replace(self, transport=transport)
 
 
+WHITEST = 0.95
+"""Albedo of the whitest paint."""
 _SHADOWED = 2e-3
 """Share of the screen that may lie in shadow without a word: what rim pixels amount to."""
 

@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 from scipy.ndimage import zoom
 
+from compensate.bundled import bundled_night
 from compensate.fourier import padded_size
 from compensate.pose import Eye, Posed, pose
 from compensate.problem import Problem
@@ -43,7 +44,7 @@ from domesim.observation.lowrank import LowRank, LowRankObservation
 from domesim.room.viewing import Viewing
 from domesim.scene import Scene, load_dome, load_scene
 from domesim.scene.screening import decoded
-from testing.masters import bundled_night, night
+from testing.masters import night
 from testing.pairs import averaged, generated
 from validation.data import from_data
 

@@ -23,13 +23,14 @@ from typing import final
 
 import numpy as np
 
+from compensate.bundled import bundled_night
 from compensate.design import Outcome, advise, outcome_in
 from domesim.frames import Master, read_master
 from domesim.pathtrace.tabulate import tabulate
 from domesim.scene import DomeScene, load_scene
 from domesim.scene.loading import scene_content
 from testing.content import charts
-from testing.masters import bundled_night, write_exr
+from testing.masters import write_exr
 from validation.experiment import Check, Column, Finding, Table, Work, at_most
 
 THEATRES = ("dome_hemisphere", "dome_planetarium", "dome_imax")

@@ -29,12 +29,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from compensate.bundled import bundled_night
 from compensate.page.comparison import Comparison, compare_methods
 from compensate.plain import PlainFigures, PlainRuler
 from compensate.ruler import NO_DIFFERENCE
 from domesim.light import Light
 from domesim.scene import load_dome
-from testing.masters import bundled_night
 from validation.drawing import pictures
 from validation.experiment import Check, Column, Finding, Pictures, Table, Work, at_least, at_most
 from validation.judges import luminance

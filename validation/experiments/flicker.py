@@ -28,12 +28,13 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
+from compensate.bundled import bundled_night
 from compensate.pose import Posed, Stage
 from compensate.solve import solved
 from domesim.light import Light
 from domesim.scene import Scene, load_scene
 from domesim.scene.screening import decoded, within_range
-from testing import masters, pairs
+from testing import pairs
 from testing.places import dome_at, stereo_at
 from validation import data, films, judges
 from validation.experiment import (
@@ -193,7 +194,7 @@ def run(work: Work) -> Finding:
 
 def _domemaster(size: int) -> Light:
     scene = dome_at(ALBEDO, WHITE)
-    light = pairs.no_wider(decoded(masters.bundled_night(), scene), size)
+    light = pairs.no_wider(decoded(bundled_night(), scene), size)
     return within_range(light, scene.screen(*light.shape[1:3]))[0]
 
 

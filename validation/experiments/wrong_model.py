@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
+from compensate.bundled import bundled_night
 from compensate.figures import Appraisal
 from compensate.pose import pose
 from compensate.ruler import NO_DIFFERENCE, Ruler
@@ -35,7 +36,6 @@ from domesim.pathtrace.tabulate import tabulate
 from domesim.pathtrace.tracer import Settings, Tracer
 from domesim.scene import DomeScene, load_dome
 from domesim.scene.screening import decoded, mean_luminance, within_range
-from testing.masters import bundled_night
 from testing.pairs import averaged
 from validation import judges
 from validation.drawing import pictures
