@@ -37,7 +37,7 @@ def load_master(path: Files, scene: AnyScene, encoding: str | None = None) -> tu
         scene, its name or its file.
     encoding
         What the code values mean, such as "srgb" or "st2084:p3-d65" (`domesim.frames.encodings`);
-        None to go by the file.
+        None to go by the scene's response, or else by the file.
 
     Returns
     -------
@@ -52,9 +52,11 @@ def load_master(path: Files, scene: AnyScene, encoding: str | None = None) -> tu
     InputError
         If a file cannot be read, or has other views than the scene.
     """
-    colour = None if encoding is None else encoding_named(encoding, "encoding")
+    shown_in = as_scene(scene)
+    response = shown_in.projector.response
+    colour = response if encoding is None else encoding_named(encoding, "encoding")
     master = read_master(_listed(path), colour=colour)
-    return decoded(master, as_scene(scene)), master
+    return decoded(master, shown_in), master
 
 
 def observe(light: LightT, scene: AnyScene) -> LightT:

@@ -15,6 +15,7 @@ from domesim.errors import InputError
 
 if TYPE_CHECKING:
     from compensate.design import Advice, Outcome
+    from domesim.frames.colour import ProjectorResponse
 
 MOST = 4
 """Frames of a sequence that are taken: evenly spread."""
@@ -76,12 +77,12 @@ def advise(
     console = Console(quiet=quiet, json=json)
     if quality is not None and not quality > 0:
         raise InputError(f"--quality must be above 0 JOD, got {quality:g}")
-    load_scene(scene)  # says what is wrong with the file by its name
+    response = load_scene(scene).projector.response  # says what is wrong with the file by its name
     if out is not None:
         if out.suffix.lower() != ".svg":
             raise InputError(f"--out {out}: the plot is an .svg, name it so")
         prepare(out, inputs=[scene, *masters], overwrite=overwrite)
-    content, frames = scene_content(scene), _frames(masters, packing)
+    content, frames = scene_content(scene), _frames(masters, packing, response)
     if unknown := left_out(content, trace=trace):
         console.say(f"{scene}: without {', '.join(unknown)}, which --trace knows")
     count = 1 + sum(len(each.values) for each in knobs(content, trace=trace))
@@ -96,14 +97,16 @@ def advise(
     console.figures({"scene": scene, "quality": quality, "traced": trace, "knobs": figures(advice)})
 
 
-def _frames(masters: Sequence[str], packing: str | None) -> list[Any]:
+def _frames(
+    masters: Sequence[str], packing: str | None, response: ProjectorResponse | None
+) -> list[Any]:
     """The frames of all shows, at most `MOST` of each."""
     from domesim.host.console import about  # noqa: PLC0415
     from domesim.shows.show import find_show  # noqa: PLC0415
 
     frames = []
     for master in masters:
-        show = find_show(master, packing=packing)
+        show = find_show(master, packing=packing, response=response)
         step = max(1, -(-len(show.moments) // MOST))
         for moment in show.moments[::step]:
             with about(moment[0]):

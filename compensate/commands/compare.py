@@ -52,7 +52,7 @@ def compare(
     """Write a page that compares the master with what is seen, uncompensated and compensated."""
     console = telling.console()
     choice, scene = place.load(console)
-    show = masters.find()
+    show = masters.find(scene)
     if len(show.moments) > 1:
         raise InputError(
             f"{masters.master or masters.left}: a page shows one frame, got {len(show.moments)}; "

@@ -7,6 +7,7 @@ import os
 import re
 import sys
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from itertools import count, cycle, islice
 from pathlib import Path
 from typing import Annotated, Any
@@ -31,6 +32,7 @@ from domesim.advice import ADVICE
 from domesim.commands.options import Overwrite, Place, Quiet, grouped
 from domesim.commands.shows import TPDF
 from domesim.errors import InputError
+from domesim.frames.colour import ColourTag
 from domesim.frames.encodings import encoding_named
 from domesim.host.console import Console
 from domesim.host.writing import prepare, write_whole
@@ -57,8 +59,8 @@ Encoded = Annotated[
     str | None,
     typer.Option(
         "--encoding",
-        help="What code values are, as for 'domesim compensate': bt709 by default, but srgb for "
-        "raw frames, and linear for rgbaf16.",
+        help="What code values are, as for 'domesim compensate'. By default the scene's response, "
+        "and where it has none bt709, but srgb for raw frames; linear for rgbaf16.",
         show_default=False,
     ),
 ]
@@ -138,14 +140,14 @@ def live(
         width, height = _size(size)
     usual = "bt709" if header else "linear" if pixels.floating else "srgb"
     rows, cols, beside = _views(theatre, width, height, packing)
-    coding = Coding(theatre.projector, encoding_named(encoding or usual))
+    coding = Coding(theatre.projector, _meaning(theatre, encoding, usual))
     name, compensated = engine_of(
         theatre, rows, cols, coding, pixels, beside=beside, device=device, **settings
     )
     compensated(np.zeros((height, width, pixels.channels), pixels.dtype), 0)  # compiles
     if not quiet:
         print(
-            f"{theatre.name}: {width} x {height}, {coding.colour.named}, by {name}: ready",
+            f"{theatre.name}: {width} x {height}, {_told(coding.colour)}, by {name}: ready",
             file=sys.stderr,
             flush=True,
         )
@@ -192,10 +194,27 @@ def shader(
     width, height = _size(size)
     aim = Aim() if lift is None else Aim(lift=lift)
     rows, cols, beside = _views(theatre, width, height, packing)
-    colour = encoding_named(encoding or "bt709")
+    colour = _meaning(theatre, encoding, "bt709")
     prepare(out, inputs=place.files(), overwrite=overwrite)
     write_whole(out, shader_of(theatre, rows, cols, colour, beside=beside, aim=aim).encode())
-    Console(quiet=quiet).say(ADVICE["a film in a player"].given(shader=out, film="VIDEO"))
+    Console(quiet=quiet).say(
+        f"{theatre.name}: {width} x {height}, {_told(colour)}",
+        ADVICE["a film in a player"].given(shader=out, film="VIDEO"),
+    )
+
+
+def _meaning(theatre: Scene, encoding: str | None, usual: str) -> ColourTag:
+    """What code values are: as asked for, by the projector's response, or what is usual."""
+    if encoding is not None:
+        return encoding_named(encoding)
+    assumed = replace(encoding_named(usual), source="assumed for live frames")
+    response = theatre.projector.response
+    return assumed if response is None else response.instead_of(assumed)
+
+
+def _told(colour: ColourTag) -> str:
+    """A curve, and why it was taken."""
+    return f"{colour.named} ({colour.source})"
 
 
 def _dithers(name: str) -> bool:

@@ -101,7 +101,7 @@ def predict(place: Place, masters: Masters, seeing: Seeing, doing: Doing, tellin
     prediction = seeing.prediction()
     choice, scene = place.load(console)
     require_one_seat(scene, place.seat, "pollution is predicted for one seat")
-    show = doing.find(masters)
+    show = doing.find(masters, scene)
 
     def summary(done: Done) -> dict[str, Any]:
         frames = worst(done)

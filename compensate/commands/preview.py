@@ -69,7 +69,7 @@ def preview(place: Place, masters: Masters, showing: Showing, telling: Telling) 
         raise InputError(f"--out {showing.out}: wanted the name of a film, such as preview.mp4")
     choice, scene = place.load(console)
     require_one_seat(scene, place.seat, "a film is of what one seat sees")
-    show = masters.find(showing.frames)
+    show = masters.find(scene, showing.frames)
     inputs = [*place.files(), *(path for moment in show.moments for path in moment)]
     prepare(showing.out, inputs=inputs, overwrite=showing.overwrite)
     pyav(showing.out)  # not only when all pictures are made

@@ -149,7 +149,7 @@ def _of_quilt(scene: StereoScene, masters: Masters, console: Console) -> dict[st
 
 def _posed(scene: StereoScene, masters: Masters, kind: str) -> tuple[Path, Posed]:
     """The one master that was asked for."""
-    show = masters.find()
+    show = masters.find(scene)
     if len(show.moments) > 1:
         raise InputError(
             f"{masters.master or masters.left}: a report card is of one {kind}, got "

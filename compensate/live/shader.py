@@ -30,7 +30,7 @@ from domesim import __version__
 from domesim.errors import InputError
 from domesim.frames.colour import ColourTag
 from domesim.host.console import printable
-from domesim.light.transfer import DCDM, SRGB, ST2084, Gamma, Linear
+from domesim.light.transfer import DCDM, SRGB, ST2084, Gamma, Linear, Table
 from domesim.scene import Scene
 
 _EXACT = 1e-4
@@ -137,6 +137,14 @@ def _about_coding(coding: Coding) -> dict[str, Any]:
             about |= {"peak": _glsl(curve.peak / curve.white), "exponent": 2.6}
         case Gamma():
             about["exponent"] = curve.exponent
+        case Table():
+            codes, light = np.array(curve.levels).T
+            roots = light ** (1 / 2.2)
+            about |= {
+                "curve": "table",
+                "roots": _bends(codes, roots),
+                "codes": _bends(roots, codes),
+            }
         case Linear():
             pass
         case _:
@@ -145,6 +153,12 @@ def _about_coding(coding: Coding) -> dict[str, Any]:
                 f"linear, st2084 or dcdm"
             )
     return about
+
+
+def _bends(at: NDArray[np.float64], values: NDArray[np.float64]) -> list[tuple[str, str]]:
+    """Where a curve of straight pieces bends, and by how much its slope grows there."""
+    slopes = np.diff(values) / np.diff(at)
+    return list(zip(map(_glsl, at), map(_glsl, np.diff(slopes, prepend=0)), strict=False))
 
 
 def _about_dome(k: DomeConstants) -> dict[str, Any]:

@@ -141,7 +141,7 @@ def _layers(
 
 def _read(path: Path, scene: Scene) -> tuple[Light, Any]:
     """Light over black (row, col, primary), and alpha (row, col), 0..1."""
-    frame = read_frame(path)
+    frame = read_frame(path, colour=scene.projector.response)
     if frame.header.alpha is None:
         raise InputError(
             f"{path}: wanted an overlay with alpha, which says where the frames are seen, got "

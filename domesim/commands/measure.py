@@ -845,6 +845,7 @@ def _of_display(display: Display) -> dict[str, Any]:
         "additivity_error": _plain_or_none(display.additivity_error),
         "chromaticity_drift": _plain(display.drift),
         "response": _of_response(display.response),
+        "scene_key": display.scene_key,
         "notes": list(display.notes),
     }
 

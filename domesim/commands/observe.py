@@ -21,7 +21,7 @@ def observe(
             f"--seat {place.seat}: a dome shows all seats the same light; leave --seat out"
         )
     doing.show(
-        doing.find(masters),
+        doing.find(masters, scene),
         Observing(choice),
         console,
         what="observing",

@@ -441,7 +441,7 @@ def _picture(
 ) -> NDArray[np.float32]:
     """(row, col, primary) light of the master, at another size if wanted."""
     with about(path):
-        frame = read_master([path], repair=repair)
+        frame = read_master([path], repair=repair, colour=scene.projector.response)
         if frame.repaired:
             console.say(f"{path.name}: {frame.repaired} impossible samples repaired")
         light = np.asarray(decoded(frame, scene)[0], np.float32)

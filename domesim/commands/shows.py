@@ -107,8 +107,8 @@ class Masters:
         ),
     ] = False
 
-    def find(self, frames: str | None = None) -> Show:
-        """The show that they are.
+    def find(self, scene: Scene, frames: str | None = None) -> Show:
+        """The show that they are, in a scene.
 
         Raises
         ------
@@ -124,6 +124,7 @@ class Masters:
             frames=frames,
             as_given=self.as_given,
             encoding=self.encoding,
+            response=scene.projector.response,
         ).listed_in(self.checksums)
 
 
@@ -277,7 +278,7 @@ class Doing:
         ),
     ] = False
 
-    def find(self, masters: Masters) -> Show:
+    def find(self, masters: Masters, scene: Scene) -> Show:
         """The frames to do, or one that they are like.
 
         Raises
@@ -286,13 +287,13 @@ class Doing:
             As for `Masters.find`; or if `like` does not go with what else was asked for.
         """
         if not self.like:
-            return masters.find(self.frames)
+            return masters.find(scene, self.frames)
         if not (self.dry_run and self.frames):
             raise InputError(
                 "--like belongs to an estimate; say how many frames there will be (--dry-run "
                 "--frames 1-36000), or leave it out"
             )
-        show = masters.find()
+        show = masters.find(scene)
         if show.numbered:
             raise InputError(
                 f"--like: wanted one master, got {len(show.moments)}; name one of them, or leave "

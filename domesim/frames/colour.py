@@ -9,13 +9,13 @@ from __future__ import annotations
 
 import re
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -34,7 +34,7 @@ class ColourTag:
     transfer
         "srgb", "linear", "gamma2.2", "gamma2.4", "gamma2.6", "bt1886", "st2084", "dcdm" or
         "hlg1000", of a display of that peak in cd/m²; or a space of OpenColorIO, whose light is
-        in ACES AP0 (`domesim.light.ocio`).
+        in ACES AP0 (`domesim.light.ocio`); or a table's name (`domesim.light.transfer.Table`).
     primaries
         One of `CHROMATICITIES`, or of colour-science's RGB colour spaces; or eight numbers in
         words: x, y of red, green, blue and white.
@@ -57,8 +57,13 @@ class ColourTag:
 
     @property
     def managed(self) -> bool:
-        """Whether this is a space of OpenColorIO, which no file can name."""
+        """Whether this is a space of OpenColorIO."""
         return self.transfer.startswith(ocio.PREFIX)
+
+    @property
+    def of_display(self) -> bool:
+        """Whether codes are a display's levels, and neither light nor luminance."""
+        return self.transfer.startswith(_OF_DISPLAYS)
 
     @property
     def named(self) -> str:
@@ -67,10 +72,71 @@ class ColourTag:
             return ocio.spoken(self.transfer)
         if self.transfer.startswith("hlg"):
             return f"HLG of a display of {self.transfer.removeprefix('hlg')} cd/m²"
-        transfer = TRANSFER_NAMES.get(self.transfer, self.transfer)
+        transfer = transfer_in_words(self.transfer)
         if self.primaries == "BT.709":
             return transfer
         return f"{transfer} {self.primaries}"
+
+
+@dataclass(frozen=True)
+class ProjectorResponse:
+    """A projector's curve, which decides what a display's levels become, whatever files say.
+
+    Attributes
+    ----------
+    transfer
+        "srgb", "bt1886", "gamma2.2" (any exponent) or a table's name.
+    """
+
+    transfer: str
+
+    def instead_of(self, stated: ColourTag) -> ColourTag:
+        """What codes mean on this projector; as stated where they are no display's levels."""
+        if not stated.of_display:
+            return stated
+        source = "the scene's projector.response"
+        if not stated.assumed:
+            source += f", and not {transfer_in_words(stated.transfer)} ({stated.source})"
+        return ColourTag(self.transfer, stated.primaries, source)
+
+
+Asked: TypeAlias = ColourTag | ProjectorResponse
+"""What is said of code values before their file is read."""
+
+
+def meaning_of(
+    asked: Asked | None, state: Callable[[], ColourTag]
+) -> tuple[ColourTag, ColourTag | None]:
+    """What code values mean; and what their file states of that, None if it is not supported.
+
+    Parameters
+    ----------
+    asked
+        What is said of them before: an encoding counts, a response for a display's levels.
+    state
+        Tells what the file states.
+
+    Raises
+    ------
+    InputError
+        As `state` does, unless an encoding is asked for.
+    """
+    try:
+        stated = state()
+    except InputError:
+        if not isinstance(asked, ColourTag):
+            raise
+        return asked, None
+    if isinstance(asked, ProjectorResponse):
+        return asked.instead_of(stated), stated
+    return asked or stated, stated
+
+
+def transfer_in_words(transfer: str) -> str:
+    """Name of a transfer function for a person, but of no HLG and no space of OpenColorIO."""
+    if transfer.startswith("table"):
+        return f"a table of {len(transfer.split()) // 2} levels"
+    return TRANSFER_NAMES.get(transfer, transfer.replace("gamma", "gamma "))
 
 
 BT709_LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
@@ -121,6 +187,8 @@ TRANSFER_NAMES = {
     "st2084": "ST 2084",
     "dcdm": "DCDM",
 }
+
+_OF_DISPLAYS = ("srgb", "bt1886", "gamma", "table")
 
 REFERENCE_HLG = "hlg1000"
 """Of the display that ITU-R BT.2100 refers to: files tell no other."""
@@ -287,7 +355,7 @@ def is_srgb(colour: ColourTag) -> bool:
 
 
 def interop_identifier(colour: ColourTag) -> str:
-    """The Color Interop identifier that comes nearest."""
+    """The Color Interop identifier that comes nearest; of other curves that of gamma 2.2."""
     family = "hlg" if colour.transfer.startswith("hlg") else colour.transfer
     curve = {"bt1886": "g24", "dcdm": "g26", "hlg": "hlg"}.get(family)
     curves = {transfer: name for name, transfer in _INTEROP_TRANSFERS.items()}
@@ -295,4 +363,6 @@ def interop_identifier(colour: ColourTag) -> str:
     # P3-DCI has no identifier; the chromaticities name its white.
     gamut = gamuts.get(colour.primaries, "p3d65")
     shown = family in ("bt1886", "dcdm", "st2084", "hlg")
-    return f"{curve or curves[colour.transfer]}_{gamut}_{'display' if shown else 'scene'}"
+    return (
+        f"{curve or curves.get(colour.transfer, 'g22')}_{gamut}_{'display' if shown else 'scene'}"
+    )

@@ -19,7 +19,7 @@ from typing import Any, TypeAlias
 
 from domesim.advice import ADVICE
 from domesim.errors import InputError
-from domesim.frames.colour import ColourTag
+from domesim.frames.colour import Asked
 from domesim.frames.formats.exr import EXR, MAGIC, Part, written
 from domesim.frames.frame import Frame
 from domesim.frames.layers import left_and_right, picture_of_side, views_of
@@ -57,7 +57,7 @@ SeveralInFile: TypeAlias = MultiView | MultiPart
 
 
 def read_several(
-    path: Path, *, repair: bool, colour: ColourTag | None = None, layer: str | None = None
+    path: Path, *, repair: bool, colour: Asked | None = None, layer: str | None = None
 ) -> tuple[tuple[Frame, ...], SeveralInFile] | None:
     """Left and right, and how they lie in the file; None if they are not in one EXR.
 

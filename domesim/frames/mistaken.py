@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from domesim.errors import HopelessError, InputError, PairError
-from domesim.frames.colour import TRANSFER_NAMES
+from domesim.frames.colour import transfer_in_words
 from domesim.frames.exr_parts import channels_by_view, stated_views
 from domesim.frames.eyes import Eyes
 from domesim.frames.frame import Frame, Pixels
@@ -82,8 +82,7 @@ def refuse_mistaken_pair(frames: Sequence[Frame], *, allow_identical: bool) -> N
         )
     if not left.colour.means_the_same_as(right.colour):
         encodings = [
-            f"{TRANSFER_NAMES.get(colour.transfer, colour.transfer)} {colour.primaries} "
-            f"({colour.source})"
+            f"{transfer_in_words(colour.transfer)} {colour.primaries} ({colour.source})"
             for colour in (left.colour, right.colour)
         ]
         raise PairError(

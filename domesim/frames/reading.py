@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from domesim.advice import ADVICE
 from domesim.errors import InputError, reason
 from domesim.frames.alpha import shown_over_black
-from domesim.frames.colour import ColourTag
+from domesim.frames.colour import Asked, ColourTag, meaning_of
 from domesim.frames.depths import FLOATING, INTEGER, code_span, dtype_of
 from domesim.frames.formats import FORMATS, LABELS
 from domesim.frames.formats.base import Format, Window, camera_raw
@@ -57,7 +57,7 @@ from domesim.host.system import in_memory
 from domesim.light.strips import all_within, converted
 
 
-def read_frame(path: str | Path, *, repair: bool = False, colour: ColourTag | None = None) -> Frame:
+def read_frame(path: str | Path, *, repair: bool = False, colour: Asked | None = None) -> Frame:
     """Read an image file of one of `domesim.frames.formats`.
 
     Parameters
@@ -69,7 +69,8 @@ def read_frame(path: str | Path, *, repair: bool = False, colour: ColourTag | No
         Replace NaN and negative samples by 0 and +Inf by the channel's largest finite value,
         instead of refusing them.
     colour
-        What the code values mean, whatever the file says; None to go by the file.
+        What the code values mean, whatever the file says; or the response of the projector that
+        shows them; None to go by the file.
 
     Raises
     ------
@@ -89,7 +90,7 @@ def read_image(
     grey: bool = False,
     signed: bool = False,
     halves: bool = False,
-    colour: ColourTag | None = None,
+    colour: Asked | None = None,
     layer: str | None = None,
     projection: str = "",
 ) -> Frame:
@@ -324,12 +325,12 @@ def layout_of(
     *,
     view: View | None = None,
     grey: bool = False,
-    colour: ColourTag | None = None,
+    colour: Asked | None = None,
     layer: str | None = None,
 ) -> Layout:
     """Where the samples of the reader's present part are, or of one `view` of it, or one `layer`.
 
-    Their encoding is `colour`, or the file's.
+    Their encoding is as for `read_frame`.
     """
     spec = reader.spec()
     if spec.deep:
@@ -352,10 +353,9 @@ def layout_of(
         rgb = find_rgb(path, spec.get_string_attribute(f"{form.name}:ColorSpace"), channels, named)
     kinds = tuple(kinds_of(spec)[place] for place in places)
     bits, floating = _depth(path, spec, {kinds[channel] for channel in rgb})
-    meant, stated = _colours(path, spec, form, colour)
-    if [channels[k].upper() for k in rgb] == [*"XYZ"]:
-        stated = ColourTag("linear", "XYZ", "file: channels X, Y, Z")
-        meant = stated if colour is None else meant
+    xyz = [channels[k].upper() for k in rgb] == [*"XYZ"]
+    of_channels = ColourTag("linear", "XYZ", "file: channels X, Y, Z")
+    meant, stated = meaning_of(colour, lambda: of_channels if xyz else form.colour(path, spec))
     orientation = form.turned or known(spec.getattribute("Orientation"))
     legal = not floating and form.is_legal(spec, bits)
     straight = form.unassociated
@@ -380,19 +380,6 @@ def layout_of(
         notes=tuple(notes),
     )
     return Layout(form, header, places, bits, floating, data, display, meant, named)
-
-
-def _colours(
-    path: Path, spec: Any, form: Format, overriding: ColourTag | None
-) -> tuple[ColourTag, ColourTag | None]:
-    """What code values mean; and what the file says of that, None if it is not supported."""
-    if overriding is None:
-        stated = form.colour(path, spec)
-        return stated, stated
-    try:
-        return overriding, form.colour(path, spec)
-    except InputError:
-        return overriding, None
 
 
 def _pixel_notes(path: Path, spec: Any, form: Format) -> tuple[str, ...]:

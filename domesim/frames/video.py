@@ -37,7 +37,7 @@ from numpy.typing import NDArray
 from domesim.advice import ADVICE
 from domesim.errors import InputError, reason
 from domesim.frames.alpha import shown_over_black
-from domesim.frames.colour import ColourTag, colour_of_code_points
+from domesim.frames.colour import Asked, ColourTag, colour_of_code_points, meaning_of
 from domesim.frames.containers import cropping_of, lacks_index, pyav, siting_of
 from domesim.frames.eyes import Eyes, of_video
 from domesim.frames.ffv1 import is_whole
@@ -190,7 +190,7 @@ _MARKS = (
 """Name, and which bytes lie where."""
 
 
-def read_video_frame(path: Path, *, colour: ColourTag | None = None, projection: str = "") -> Frame:
+def read_video_frame(path: Path, *, colour: Asked | None = None, projection: str = "") -> Frame:
     """The frame that `path` names.
 
     Parameters
@@ -627,7 +627,7 @@ def _tags(source: Any) -> _Tags:
 
 
 def _frame(
-    path: Path, decoder: _Decoder, decoded: Any, colour: ColourTag | None, projection: str
+    path: Path, decoder: _Decoder, decoded: Any, colour: Asked | None, projection: str
 ) -> Frame:
     name = {**CODECS, **_CINEMA}[decoder.stream.codec_context.codec.canonical_name]
     kind = pixel_format(decoded.format.name)
@@ -644,22 +644,16 @@ def _frame(
     tags = _completed(decoder.tags, _tags(decoded))
     if decoded.color_range in (_LIMITED, _FULL) and name not in _SILENT:
         tags = replace(tags, range=int(decoded.color_range))
-    stated: ColourTag | None
-    try:
-        stated = _CINEMA_COLOUR if kind.xyz else _stated_colour(path, tags)
-    except InputError:
-        if colour is None:
-            raise
-        stated = None
-    matrix, told = _matrix(path, tags, kind, colour or stated)
+    meant, stated = meaning_of(
+        colour, lambda: _CINEMA_COLOUR if kind.xyz else _stated_colour(path, tags)
+    )
+    matrix, told = _matrix(path, tags, kind, meant)
     full = kind.full_range if tags.range not in (_LIMITED, _FULL) else tags.range == _FULL
     if not decoder.siting:
         decoder.siting = siting_of(decoded) if kind.chroma in ("4:2:0", "4:2:2") else "left"
     pixels, alpha = code_values(decoded, kind, matrix, full=full, siting=decoder.siting)
     pixels = _cropped(pixels, decoder.crop)
     alpha = None if alpha is None else _cropped(alpha, decoder.crop)
-    meant = colour or stated
-    assert meant is not None
     ways = [told, "" if full else "limited range", _doubt(decoder.tags, decoded, kind, full=full)]
     ways = [each for each in ways if each]
     meant = replace(meant, source="; ".join([meant.source, *ways]))

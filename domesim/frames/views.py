@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from domesim.advice import ADVICE
 from domesim.errors import HopelessError, InputError
-from domesim.frames.colour import ColourTag
+from domesim.frames.colour import Asked, ColourTag
 from domesim.frames.depths import code_range
 from domesim.frames.dithering import seed_of
 from domesim.frames.exr_parts import (
@@ -244,7 +244,7 @@ def read_master(
     repair: bool = False,
     allow_identical: bool = False,
     halves: bool = False,
-    colour: ColourTag | None = None,
+    colour: Asked | None = None,
     layer: str | None = None,
 ) -> Master:
     """Read one moment of a show.

@@ -238,12 +238,69 @@ class DCDM(Transfer):
 
 
 @final
-@dataclass(frozen=True, eq=False)
-class MeasuredTable(Transfer):
-    """A measured response, one curve a primary.
+@dataclass(frozen=True)
+class Table(Transfer):
+    """A measured response, one curve for all primaries.
 
     Between the measured levels the 1/2.2 power of the light is interpolated linearly: it is nearly
     a straight line for real displays, and its inverse is exact.
+
+    Parameters
+    ----------
+    levels
+        Code value and light of each level, black subtracted: both rise strictly from 0 to 1.
+
+    Raises
+    ------
+    InputError
+        If they do not.
+    """
+
+    levels: tuple[tuple[float, float], ...]
+
+    def __post_init__(self) -> None:
+        if len(self.levels) < 2:
+            raise InputError(f"measured response takes two levels or more, got {len(self.levels)}")
+        for name, curve in zip(("codes", "light"), np.array(self.levels).T, strict=True):
+            _require_rising(name, curve)
+
+    @property
+    def name(self) -> str:
+        """What `named` calls it: all its numbers."""
+        return " ".join([_TABLE, *(repr(float(value)) for level in self.levels for value in level)])
+
+    def _decode(self, code: Floats) -> Floats:
+        codes, light = np.array(self.levels).T
+        return np.asarray(np.interp(code, codes, np.power(light, 1 / 2.2)) ** 2.2)
+
+    def _encode(self, light: Floats) -> Floats:
+        codes, shown = np.array(self.levels).T
+        return np.asarray(np.interp(np.power(light, 1 / 2.2), np.power(shown, 1 / 2.2), codes))
+
+
+_TABLE = "table"
+
+
+def _require_rising(name: str, curve: Floats) -> None:
+    """Refuses what does not rise strictly from 0 to 1."""
+    if not (np.isfinite(curve).all() and (np.diff(curve) > 0).all()):
+        # Differences of two numbers are the same on all processors
+        level = int(np.argmin(np.nan_to_num(np.diff(curve), nan=-np.inf)))
+        raise InputError(
+            f"measured response: {name} must increase strictly, got {curve[level]:g} then "
+            f"{curve[level + 1]:g} at level {level + 1}; measure again, or drop that level"
+        )
+    if abs(curve[0]) > 1e-9 or abs(curve[-1] - 1) > 1e-9:
+        raise InputError(
+            f"measured response: {name} must run from 0 to 1, got {curve[0]:g} to "
+            f"{curve[-1]:g}; subtract black and divide by white first"
+        )
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class MeasuredTable(Transfer):
+    """A measured response, one `Table` a primary.
 
     Parameters
     ----------
@@ -276,37 +333,23 @@ class MeasuredTable(Transfer):
             ("codes", codes),
             *((f"primary {p}", c) for p, c in enumerate(light.T)),
         ]:
-            if not (np.isfinite(curve).all() and (np.diff(curve) > 0).all()):
-                # Differences of two numbers are the same on all processors
-                level = int(np.argmin(np.nan_to_num(np.diff(curve), nan=-np.inf)))
-                raise InputError(
-                    f"measured response: {name} must increase strictly, got "
-                    f"{curve[level]:g} then {curve[level + 1]:g} at level {level + 1}; "
-                    f"measure again, or drop that level"
-                )
-            if abs(curve[0]) > 1e-9 or abs(curve[-1] - 1) > 1e-9:
-                raise InputError(
-                    f"measured response: {name} must run from 0 to 1, got {curve[0]:g} to "
-                    f"{curve[-1]:g}; subtract black and divide by white first"
-                )
+            _require_rising(name, curve)
         object.__setattr__(self, "codes", codes)
         object.__setattr__(self, "light", light)
 
+    @property
+    def of_each(self) -> tuple[Table, ...]:
+        """The curve of each primary."""
+        codes = self.codes.tolist()
+        return tuple(Table(tuple(zip(codes, each.tolist(), strict=True))) for each in self.light.T)
+
     def _decode(self, code: Floats) -> Floats:
-        return self._interpolate(code, self.codes, np.power(self.light, 1 / 2.2)) ** 2.2
+        curves = self.of_each
+        return np.stack([each._decode(code[..., p]) for p, each in enumerate(curves)], -1)
 
     def _encode(self, light: Floats) -> Floats:
-        roots = np.power(self.light, 1 / 2.2)
-        wanted = np.power(light, 1 / 2.2)
-        return np.stack(
-            [np.interp(wanted[..., p], roots[:, p], self.codes) for p in range(roots.shape[1])], -1
-        )
-
-    @staticmethod
-    def _interpolate(at: Floats, levels: Floats, curves: Floats) -> Floats:
-        return np.stack(
-            [np.interp(at[..., p], levels, curves[:, p]) for p in range(curves.shape[1])], -1
-        )
+        curves = self.of_each
+        return np.stack([each._encode(light[..., p]) for p, each in enumerate(curves)], -1)
 
 
 @final
@@ -347,7 +390,7 @@ def named(name: str, *, white: float) -> Transfer:
     name
         ``linear``, ``srgb``, ``bt1886``, ``gamma2.2`` (any exponent), ``st2084``, ``dcdm`` or
         ``hlg1000`` (any peak of a display, cd/m²); or a space of OpenColorIO
-        (`domesim.light.ocio.called`).
+        (`domesim.light.ocio.called`); or a `Table`'s name.
     white
         Luminance of projector white, cd/m² (absolute curves need it).
 
@@ -363,6 +406,9 @@ def named(name: str, *, white: float) -> Transfer:
     """
     if name.startswith(ocio.PREFIX):
         return Managed(name)
+    if name.startswith(_TABLE):
+        numbers = iter(map(float, name.split()[1:]))
+        return Table(tuple(zip(numbers, numbers, strict=True)))
     for family, least, most in ((Gamma, 1, 4), (HLG, 4, 10_000)):
         with suppress(ValueError):
             number = float(name.removeprefix(family.__name__.lower()))

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from domesim.errors import InputError
-from domesim.frames.colour import CHROMATICITIES, chromaticities_of
+from domesim.frames.colour import CHROMATICITIES, ProjectorResponse, chromaticities_of
 from domesim.light import Light
 from domesim.light.guarded import guarded
 from domesim.light.strips import in_strips
@@ -63,6 +63,8 @@ class Projector:
         Luminance of its full-frame black on the screen, cd/m².
     measured
         Its primaries if they were measured (see `relative_primaries`), None if they have a name.
+    response
+        What it makes of a display's levels; None to go by files, or what is usual for them.
 
     Raises
     ------
@@ -74,6 +76,7 @@ class Projector:
     white: float
     black: float = 0.0
     measured: Matrix | None = None
+    response: ProjectorResponse | None = None
 
     def __post_init__(self) -> None:
         if self.measured is None:

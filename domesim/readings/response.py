@@ -132,6 +132,19 @@ class Display:
         return np.asarray(colours[:, :2] / colours.sum(axis=1, keepdims=True))
 
     @property
+    def scene_key(self) -> str | None:
+        """``response`` of a scene's ``[projector]``, of white; None without ramps."""
+        if self.response is None:
+            return None
+        curve = self.response.transfer
+        if isinstance(curve, Gamma):
+            return f'"{curve.exponent:.3f}"'
+        assert isinstance(curve, MeasuredTable)
+        light = curve.light @ (self.primaries[1] / self.primaries[1].sum())
+        levels = zip(curve.codes, light, strict=True)
+        return f"[{', '.join(f'[{code:.6g}, {shown:.6g}]' for code, shown in levels)}]"
+
+    @property
     def contrast(self) -> float:
         """Luminance of white over that of black; infinite without black."""
         black = 0.0 if self.black is None else float(self.black[1])
@@ -153,6 +166,7 @@ class Display:
             lines.append(f"  W against R + G + B: {told_parts}")
         if self.response is not None:
             lines.append(f"  response: {_response_in_words(self.response)}")
+            lines.append(f"  [projector] of a scene: response = {self.scene_key}")
             if self.drift.any():
                 lines.append(
                     f"  chromaticity moves by up to {self.drift.max():.4f} (u'v') with level"

@@ -53,7 +53,7 @@ from domesim.scene.dome_file import (
     SkySection,
     UnitSection,
 )
-from domesim.scene.fields import three
+from domesim.scene.fields import response_of, three
 from domesim.scene.grade import DOMES, Grade
 from domesim.scene.measured_dome import albedo_steps, whole_transport
 from domesim.scene.mistakes import Mistakes
@@ -510,7 +510,7 @@ def built(file: DomeFile, folder: Path) -> DomeScene:
         weights = Projector(lit.primaries, 1.0).luminance_weights
         irradiance = (lit.lumens or 0.0) / theatre.dome.screen_area / _mean_gain(theatre)
         white = float(weights @ theatre.screen_albedo) * irradiance / np.pi
-    projector = Projector(lit.primaries, white, lit.black_cd_m2)
+    projector = Projector(lit.primaries, white, lit.black_cd_m2, response=response_of(lit))
     # Lamps are known in cd/m², light in units of white.
     lamps = tuple(
         replace(lamp, luminance=three(np.asarray(lamp.luminance) / white)) for lamp in theatre.lamps

@@ -44,6 +44,7 @@ from domesim.scene.fields import (
     Number,
     PerPrimary,
     Place,
+    Response,
     Section,
     Share,
     ViewingSection,
@@ -269,13 +270,17 @@ class ProjectorSection(Section):
 
     White is direct light alone, as a small white patch shows it: a full white frame is brighter
     by its own cross-reflection. Black is a full black frame, as it is seen. Primaries are BT.709,
-    P3-D65, P3-DCI, BT.2020, or any RGB colour space of the package colour-science.
+    P3-D65, P3-DCI, BT.2020, or any RGB colour space of the package colour-science. Response is
+    what the projector makes of levels, by whatever file or pipe they come: "bt1886", "srgb", an
+    exponent such as "2.2", or pairs of code and light from 0 to 1. Without it files say their
+    curves, or what is usual for them counts.
     """
 
     primaries: str = "BT.709"
     white_cd_m2: Luminance | None = None
     lumens: Annotated[Number, Field(gt=0, le=1e7)] | None = Field(None, validate_default=True)
     black_cd_m2: NoLuminance = 0.0
+    response: Response | None = None
     lens: LensSection = LensSection()
     units: tuple[UnitSection, ...] = ()
 
@@ -507,7 +512,8 @@ class DomeFile(Section):
         parts |= {"stereo", "sky", "grade"}  # what one view's light does is stored
         left: dict[str, Any] = {**dict.fromkeys(parts, True), "screen": {"albedo_map"}}
         content = self.model_dump(mode="json", exclude=left, warnings=False)
-        content["projector"].pop("black_cd_m2")
+        for key in ("black_cd_m2", "response"):
+            content["projector"].pop(key)
         for unit in content["projector"]["units"]:
             for key, usual in (("shift", [0.0, 0.0]), ("mask", None)):
                 if unit[key] == usual:

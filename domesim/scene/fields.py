@@ -5,12 +5,16 @@ Every key carries its unit; unknown keys are mistakes.
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, TypeAlias
+from contextlib import suppress
+from typing import Annotated, Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
-from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag
+from pydantic import AfterValidator, BaseModel, ConfigDict, Discriminator, Field, Tag
 
+from domesim.errors import InputError
+from domesim.frames.colour import ProjectorResponse
+from domesim.light.transfer import Table
 from domesim.scene.grade import Grade
 
 # Strict: neither true nor "0.5" is a number.
@@ -29,6 +33,8 @@ TAGS = (
     "a file",
     "three files",
     "an array",
+    "a name",
+    "a table",
 )
 """Alternatives of what a key may hold; they are no keys themselves."""
 _EITHER = Discriminator(lambda value: TAGS[isinstance(value, list)])
@@ -61,6 +67,47 @@ LeakOfAView: TypeAlias = Annotated[
     Discriminator(leak_form),
 ]
 """One number for all primaries, one for each, or three rows: what R, G, B of the eye see."""
+
+
+def _curve(response: str | float | tuple[tuple[float, float], ...]) -> str:
+    """Name of a transfer function."""
+    if isinstance(response, tuple):
+        try:
+            return Table(response).name
+        except InputError as error:
+            raise ValueError(str(error)) from None
+    if response in ("bt1886", "srgb"):
+        return response
+    with suppress(ValueError):
+        if 1 <= float(response) <= 4:
+            return f"gamma{float(response):g}"
+    raise ValueError(
+        f'is not known: wanted "bt1886", "srgb", an exponent from 1 to 4 such as "2.2", or a table '
+        f"[[0, 0], [0.5, 0.2], [1, 1]] of codes and light, got {response!r}"
+    )
+
+
+def _response_form(value: object) -> str:
+    """Which form a response has."""
+    return TAGS[0 if isinstance(value, float | int) else 9 if isinstance(value, list) else 8]
+
+
+Response: TypeAlias = Annotated[
+    Annotated[
+        Annotated[Number, Tag(TAGS[0])]
+        | Annotated[str, Tag(TAGS[8])]
+        | Annotated[tuple[tuple[Share, Share], ...], Tag(TAGS[9])],
+        Discriminator(_response_form),
+    ],
+    AfterValidator(_curve),
+]
+"""How a projector answers to levels: a name, an exponent, or pairs of code and light; it becomes
+the name of a transfer function."""
+
+
+def response_of(section: Any) -> ProjectorResponse | None:
+    """The response that a section of a projector states."""
+    return None if section.response is None else ProjectorResponse(section.response)
 
 
 class Section(BaseModel):

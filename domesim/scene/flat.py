@@ -24,6 +24,7 @@ from domesim.room import viewing
 from domesim.room.flat_room import FlatRoom
 from domesim.room.viewing import Viewing
 from domesim.scene.base import Scene
+from domesim.scene.fields import response_of
 from domesim.scene.flat_file import CinemaFile, OnItsWay
 from domesim.scene.grade import SCREENS, Grade
 
@@ -271,7 +272,9 @@ def cinema(file: CinemaFile) -> CinemaScene:
     return CinemaScene(
         name=file.name,
         description=file.description,
-        projector=Projector(lit.primaries, lit.white_cd_m2, lit.black_cd_m2),
+        projector=Projector(
+            lit.primaries, lit.white_cd_m2, lit.black_cd_m2, response=response_of(lit)
+        ),
         viewing=viewing.of_flat_screen(
             *way.size, file.viewing.distance_m, file.viewing.adaptation_cd_m2
         ),

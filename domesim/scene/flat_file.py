@@ -20,6 +20,7 @@ from domesim.scene.fields import (
     NoLuminance,
     Number,
     PerPrimary,
+    Response,
     Section,
     ViewingSection,
     three,
@@ -132,7 +133,8 @@ class FlatProjectorSection(Section):
     """The projector, on the screen.
 
     White is all light that is sent, what lens and port glass scatter with it, without the room's.
-    Black is a full black frame, as it is seen. Primaries are named as those of domes.
+    Black is a full black frame, as it is seen. Primaries, and the response to levels, are named as
+    those of domes.
     """
 
     also: ClassVar[str] = ""
@@ -141,6 +143,7 @@ class FlatProjectorSection(Section):
     primaries: str = "P3-D65"
     white_cd_m2: Luminance
     black_cd_m2: NoLuminance = 0.0
+    response: Response | None = None
 
     @model_validator(mode="after")
     def _known(self) -> Self:

@@ -40,6 +40,7 @@ _EXAMPLES: dict[str, Any] = {
     "viewpoints.position_m": [0.0, -4.5, -1.5],
     "viewpoints.look_at_m": [0.0, 4.0, 3.0],
     "viewpoints.field_deg": 80.0,
+    "projector.response": "bt1886",
     "projector.lens.position_m": [0.5, 0.0, -0.3],
     "projector.lens.corrected": False,
     "projector.units.roll_deg": 5.0,

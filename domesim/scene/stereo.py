@@ -26,6 +26,7 @@ from domesim.room import viewing
 from domesim.room.viewing import Viewing
 from domesim.scene.base import Scene
 from domesim.scene.crosstalk_maps import CrosstalkMaps, load_maps
+from domesim.scene.fields import response_of
 from domesim.scene.flat import LightsWay, way_of
 from domesim.scene.grade import SCREENS, Grade
 from domesim.scene.stereo_file import (
@@ -444,7 +445,9 @@ def _described(file: StereoFile, folder: Path) -> StereoScene:
         seats = _seats(file, system.matrices, system.uncertainty)
         return _scene(file, system.projector, system.black, seats, digest)
     lit = file.projector
-    projector = Projector(lit.primaries, lit.white_cd_m2, lit.black_cd_m2)
+    projector = Projector(
+        lit.primaries, lit.white_cd_m2, lit.black_cd_m2, response=response_of(lit)
+    )
     many = file.crosstalk.views
     black = np.full((2 if many is None else many.count, 3), lit.black_cd_m2)
     if file.crosstalk.polarisation is None:

@@ -32,6 +32,7 @@ from domesim.scene.fields import (
     NoLuminance,
     Number,
     PerPrimary,
+    Response,
     Section,
     Share,
     leak_form,
@@ -67,6 +68,7 @@ class MeasuredProjectorSection(Section):
     primaries: Literal["measured"] = "measured"
     white_cd_m2: Luminance | None = None
     black_cd_m2: NoLuminance | None = None
+    response: Response | None = None
 
 
 def _of_primaries(value: Any) -> str:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from domesim.errors import InputError
 from domesim.observation.projector import MEASURED, Projector, relative_primaries
+from domesim.scene.fields import response_of
 from domesim.scene.stereo_file import CrosstalkSection, MeasuredProjectorSection
 
 if TYPE_CHECKING:
@@ -78,7 +79,13 @@ def measured_system(
     _require_agreement("white_cd_m2", projector.white_cd_m2, white, path)
     _require_agreement("black_cd_m2", projector.black_cd_m2, black, path)
     return MeasuredSystem(
-        Projector(MEASURED, white, black, relative_primaries(pair.gamut.primaries)),
+        Projector(
+            MEASURED,
+            white,
+            black,
+            relative_primaries(pair.gamut.primaries),
+            response_of(projector),
+        ),
         white * np.stack([_light(pair, xyz, black / white) for xyz in seen]),
         pair.common_matrices,
         pair.common_uncertainty,

@@ -113,5 +113,5 @@ def _outcome(show: Show) -> dict[str, Any]:
         with suppress(OSError):  # whoever reads it will say so
             status = file_of(path).stat()
             files[str(path.absolute())] = [status.st_size, status.st_mtime_ns]
-    read_as = [show.packing, show.layer, show.colour and show.colour.named, show.as_given]
+    read_as = [show.packing, show.layer, str(show.colour), show.as_given]
     return {"files": files, "read as": read_as}

@@ -19,6 +19,7 @@ from typing import Any, final
 import psutil
 
 from domesim.errors import InputError
+from domesim.frames.colour import ColourTag
 from domesim.frames.messages import joined
 from domesim.frames.reading import size_of
 from domesim.frames.timing import USUAL_RATE, timing_of
@@ -686,7 +687,7 @@ def _settings(
         "masters": [os.path.relpath(source, folder) for source in show.sources],
         "packing": show.packing,
         "layer": show.layer,
-        "encoding": None if colour is None else [colour.transfer, colour.primaries],
+        "encoding": [colour.transfer, colour.primaries] if isinstance(colour, ColourTag) else None,
         **asdict(writing),
         "suffix": writing.suffix or output[0].suffix,
     }

@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import final
 
 from domesim.errors import InputError
-from domesim.frames import ColourTag, Master, read_master
+from domesim.frames import Master, read_master
+from domesim.frames.colour import Asked, ProjectorResponse
 from domesim.frames.encodings import encoding_named
 from domesim.frames.mistaken import refuse_one_file
 from domesim.frames.views import READ
@@ -48,7 +49,7 @@ class Show:
     as_given
         Take left and right as they are: the same image, exchanged by their looks.
     colour
-        What all code values mean; None to go by the files.
+        What all code values mean, or the projector's response; None to go by the files.
     numbered
         Whether they are frames of a sequence, be it one of its frames.
     part
@@ -63,7 +64,7 @@ class Show:
     packing: str | None = None
     layer: str | None = None
     as_given: bool = False
-    colour: ColourTag | None = None
+    colour: Asked | None = None
     numbered: bool = False
     part: str = ""
     sources: tuple[Path, ...] = ()
@@ -150,6 +151,7 @@ def find_show(
     frames: str | None = None,
     as_given: bool = False,
     encoding: str | None = None,
+    response: ProjectorResponse | None = None,
 ) -> Show:
     """The show that a command's arguments name.
 
@@ -170,6 +172,8 @@ def find_show(
         As of `Show`.
     encoding
         A name of `encoding_named`, for what files do not say or say wrongly.
+    response
+        The projector's, which says what a display's levels are where `encoding` does not.
 
     Raises
     ------
@@ -177,7 +181,7 @@ def find_show(
         If both ways are used, or none; left and right are one file; no encoding is so named; and
         as for `find_frames` and `find_pairs`.
     """
-    colour = None if encoding is None else encoding_named(encoding)
+    colour = response if encoding is None else encoding_named(encoding)
     part = ranges_of(parse_frames(frames)) if frames else ""
     if packing is not None and packing not in PACKINGS:
         raise InputError(f"--packing {packing!r} is not known; use one of {', '.join(PACKINGS)}")

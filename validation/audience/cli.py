@@ -76,8 +76,8 @@ class Masters:
         ),
     ] = None
 
-    def readers(self) -> dict[str, Callable[[], Master]]:
-        """Name of each master -> reads it.
+    def readers(self, scene: Scene) -> dict[str, Callable[[], Master]]:
+        """Name of each master of a scene -> reads it.
 
         Raises
         ------
@@ -91,13 +91,9 @@ class Masters:
             raise InputError(
                 f"wanted a --right for each --left, got {len(left)} --left and {len(right)} --right"
             )
-        shows = [
-            find_show(name, packing=self.packing, encoding=self.encoding)
-            for name in self.master or []
-        ]
-        shows += [
-            find_show(None, *pair, encoding=self.encoding) for pair in zip(left, right, strict=True)
-        ]
+        find = partial(find_show, encoding=self.encoding, response=scene.projector.response)
+        shows = [find(name, packing=self.packing) for name in self.master or []]
+        shows += [find(None, *pair) for pair in zip(left, right, strict=True)]
         moments = [(show, moment) for show in shows for moment in show.moments]
         names = names_of([moment[0] for _, moment in moments])
         return {
@@ -200,7 +196,7 @@ def new(
     """
     console = telling.console()
     theatre = scene_of(SceneChoice(scene, transport), console)
-    settings, readers = asking.settings(theatre), masters.readers()
+    settings, readers = asking.settings(theatre), masters.readers(theatre)
     with console.progress("making", len(readers)) as start:
         study = make(out, readers, theatre, settings, start)
     trials = len(study.viewers[0])

@@ -167,9 +167,11 @@ def colour_chunks(colour: ColourTag) -> bytes:
         return chunks
     if is_sayable(colour):
         chunks += chunk(b"cICP", bytes((*code_points_of(colour), 0, 1)))
-    exponents = {"linear": 1.0, "gamma2.2": 2.2, "gamma2.4": 2.4, "gamma2.6": 2.6, "dcdm": 2.6}
-    if colour.transfer in exponents:
-        chunks += chunk(b"gAMA", struct.pack(">I", round(100000 / exponents[colour.transfer])))
+    gamma = {"linear": "1", "dcdm": "2.6"}.get(colour.transfer)
+    if gamma is None and colour.transfer.startswith("gamma"):
+        gamma = colour.transfer.removeprefix("gamma")
+    if gamma is not None:
+        chunks += chunk(b"gAMA", struct.pack(">I", round(100000 / float(gamma))))
     xy = chromaticities_of(colour.primaries)
     if xy is not None and min(xy) >= 0:  # cHRM has no sign, and so not AP0
         white_first = [round(100000 * value) for value in (*xy[6:], *xy[:6])]

@@ -369,7 +369,8 @@ def _registered(section: CameraSection, folder: Path, scene: DomeScene) -> Regis
 def _patterns(paths: list[Path], scene: DomeScene) -> Floats:
     lights: list[Floats] = []
     for path in paths:
-        light = np.asarray(decoded(read_master([path]), scene)[0], np.float64)
+        master = read_master([path], colour=scene.projector.response)
+        light = np.asarray(decoded(master, scene)[0], np.float64)
         if lights and light.shape != lights[0].shape:
             raise InputError(f"{path}: patterns must be of one size, as {paths[0].name}")
         lights.append(light * scene.dome.inside(*light.shape[:2])[..., None])
