@@ -18,6 +18,7 @@ import numpy as np
 import typer
 from numpy.typing import ArrayLike, NDArray
 
+from domesim.commands.measure_by_eye import by_eye
 from domesim.commands.measure_patterns import patterns
 from domesim.commands.options import Json, Overwrite, Quiet, finish
 from domesim.errors import InputError
@@ -47,6 +48,7 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 app.command()(patterns)
+app.command()(by_eye)
 
 WIDTH, DISTANCE, ADAPTATION = 2.5, 3.0, 5.0
 """Width of the screen (m), distance to it (m) and adaptation (cd/m²) in van Baar et al. 2011,
