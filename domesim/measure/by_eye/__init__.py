@@ -1,9 +1,9 @@
 r"""Crosstalk and a dome's albedo by eye: a viewer turns a level until nothing changes any more.
 
 Fechner's method of adjustment (*Elemente der Psychophysik*, 1860), as a null: two pictures take
-turns, half a second each, and differ in nothing but what is measured and a level that answers it. At the
-null nothing moves, so neither the eye's own response nor how bright the room is matters. Light that
-stays (black, exit signs, an uneven screen) is in both pictures and cancels.
+turns, half a second each, and differ in nothing but what is measured and a level that answers it.
+At the null nothing moves, so neither the eye's own response nor how bright the room is matters.
+Light that stays (black, exit signs, an uneven screen) is in both pictures and cancels.
 
 Levels are code values, 0..1. L(v) is light of code v above black, in units of the primary's full
 light.
