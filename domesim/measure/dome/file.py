@@ -236,6 +236,11 @@ class Task:
     errors: Errors
     digests: Mapping[str, str]
 
+    @property
+    def absolute(self) -> bool:
+        """Whether white is found in cd/m²."""
+        return self.file.absolute
+
 
 def read_survey(path: Path, *, plain: bool = False) -> Task:
     """Read a survey file and what it names.

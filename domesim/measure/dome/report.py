@@ -22,7 +22,7 @@ Floats = NDArray[np.float64]
 def lines_of(task: Task, survey: Survey) -> list[str]:
     """What was found, for a person."""
     lines = [] if task.registered is None else [task.registered.in_words()]
-    unit = "cd/m²" if task.file.absolute else "of the photographs' unit"
+    unit = "cd/m²" if task.absolute else "of the photographs' unit"
     for name, value, error, answered in zip(
         survey.names, survey.value, survey.error, survey.answered, strict=True
     ):
