@@ -70,7 +70,12 @@ def projector_section(
         white = float(weights @ gain)
     section = {key: value for key, value in task.content["projector"].items() if key != "lumens"}
     black = max(0.0, float(weights @ ambient) * white)
-    return {**section, "white_cd_m2": white, "black_cd_m2": black}
+    section["white_cd_m2"] = white
+    if not any(lens.black for lens in task.scene.theatre.lenses):
+        return {**section, "black_cd_m2": black}
+    more = black / task.scene.projector.black  # their mean is measured, not what each has of it
+    units = [{**each, "black_cd_m2": each["black_cd_m2"] * more} for each in section["units"]]
+    return {**section, "units": units}
 
 
 def measured_section(
