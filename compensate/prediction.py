@@ -428,6 +428,7 @@ class _Eye:
         step = _step(finest, FINEST)
         self._grid = _Grid(posed.screen, step)
         self._per_degree = finest / step
+        self._on_screen: dict[int, Planes] = {}  # shares of squares, by their side
         # of very coarse pictures, the widest mechanism that they can hold
         self._lowest = min(settings.cortex.lowest, self._per_degree / 2)
         self._room = posed.seen(np.zeros_like(posed.desired))
@@ -550,11 +551,10 @@ class _Eye:
         if side <= 1:
             return planes
 
-        def sums(plane: Planes) -> Planes:
-            return np.asarray(scipy.ndimage.uniform_filter(plane, side, mode="constant"))
-
-        screen = np.maximum(sums(self._grid.screen.astype(np.float32)), 1 / side**2)
-        return np.stack([sums(plane) / screen for plane in planes])
+        if side not in self._on_screen:
+            screen = self._grid.screen.astype(np.float32)
+            self._on_screen[side] = np.maximum(_within(screen, side), 1 / side**2)
+        return np.stack([_within(plane, side) / self._on_screen[side] for plane in planes])
 
     def _luminance(self, light: Light) -> Planes:
         """(view, row, col) as it reaches the retina, cd/m²; a little below 0 is 0."""
@@ -665,6 +665,11 @@ class _Grid:
             return planes
         means = np.array([plane[self.screen].mean() for plane in planes], np.float32)
         return np.where(self.screen, planes, means[:, None, None])
+
+
+def _within(plane: Planes, side: int) -> Planes:
+    """Means over squares around pixels; 0 beyond the edge."""
+    return np.asarray(scipy.ndimage.uniform_filter(plane, side, mode="constant"))
 
 
 def _step(per_degree: float, finest: float) -> int:

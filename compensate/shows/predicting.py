@@ -38,6 +38,7 @@ from domesim.frames.writing import bare_specification
 from domesim.host.writing import write_together
 from domesim.inspection.magnitudes import SOURCES, Faintest
 from domesim.light.blocks import light_means
+from domesim.light.strips import converted
 from domesim.observation.stereo import VIEWS
 from domesim.scene.choice import SceneChoice
 from domesim.scene.screening import averaged_on_screen
@@ -65,6 +66,9 @@ LARGEST = 1024
 
 GAP = 4
 """Between the halves of a picture, pixels."""
+
+MOST = np.finfo(np.float16).max
+"""What a map holds at most."""
 
 BRIGHTEST = 4096
 """What a residual is brightened by at most."""
@@ -308,7 +312,7 @@ def _png(path: Path, plane: Planes, ghost: Planes, caption: str) -> bytes:
 
 
 def _exr(place: _Place, triage: Triage) -> bytes:
-    """All maps of the views of a file, as float channels."""
+    """All maps of the views of a file, as half channels: no more than `MOST`."""
     maps = triage.untouched
     each = (
         maps.tvi,
@@ -319,18 +323,9 @@ def _exr(place: _Place, triage: Triage) -> bytes:
         triage.subtracted.mask,
     )
     names = tuple(f"{name}{channel}" for name in place.views for channel in CHANNELS)
-    samples = np.stack([planes[k] for k in place.views.values() for planes in each], axis=-1)
-    samples = _rounded(samples.astype(np.float32))
-    planes = dict(zip(names, np.moveaxis(samples, -1, 0), strict=True))
-    return written(place.maps, [({}, planes)])
-
-
-def _rounded(samples: Planes) -> Planes:
-    """With 11 significant bits, as half has, but without its limits: a file half as large."""
-    bits = samples.view(np.uint32)
-    bits += np.uint32(1 << 12)
-    bits &= np.uint32(0xFFFFE000)
-    return samples
+    planes = (map_[k] for k in place.views.values() for map_ in each)
+    halves = [converted(np.minimum(plane, MOST), np.dtype(np.float16)) for plane in planes]
+    return written(place.maps, [({}, dict(zip(names, halves, strict=True)))])
 
 
 # What is said.
