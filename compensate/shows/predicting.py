@@ -119,7 +119,7 @@ class Predicting(Recipe):
 
         def prepare(source: Master) -> tuple[Posed, int]:
             size = source.frames[0].pixels.shape[:2]
-            step = reduction(theatre.viewing, self.prediction, *size)
+            step = reduction(theatre, self.prediction, *size)
             return stage.pose(averaged_on_screen(source, theatre, step)), step
 
         return Work(prepare, solve, end)
@@ -188,8 +188,7 @@ class Predicting(Recipe):
 
     def memory(self, rows: int, cols: int) -> int:
         """See `Recipe`."""
-        viewing = self.scene.load().viewing
-        step = reduction(viewing, self.prediction, rows, cols)
+        step = reduction(self.scene.load(), self.prediction, rows, cols)
         return 500_000_000 + (115 // step**2 + 10) * 4 * rows * cols
 
 
