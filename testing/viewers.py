@@ -103,13 +103,29 @@ class Viewer:
 
 
 def viewer(
-    random: np.random.Generator, *, skill: float = 1.5, early: float = 1.0, slips: float = 0.03
+    random: np.random.Generator,
+    *,
+    skill: float = 1.5,
+    early: tuple[float, float] = (1.0, 1.0),
+    slips: float = 0.03,
 ) -> Viewer:
-    """One of many people, of ordinary skill unless said otherwise."""
+    """One of many people, of ordinary skill unless said otherwise.
+
+    Parameters
+    ----------
+    random
+        Draws them, and their noise.
+    skill
+        Median of the contrast that they see, in thresholds.
+    early
+        Means of how far before the null they stop, from below and from above.
+    slips
+        Share of settings that are anywhere.
+    """
     return Viewer(
         random,
         skill * float(np.exp(0.3 * random.standard_normal())),
-        (float(early * random.exponential()), float(early * random.exponential())),
+        (early[0] * float(random.exponential()), early[1] * float(random.exponential())),
         float(random.exponential(0.3)),
         slips,
     )

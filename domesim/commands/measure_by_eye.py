@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from typing import Annotated
 
 import numpy as np
@@ -10,6 +11,7 @@ import typer
 from domesim.commands.options import Json, OutFolder, Overwrite, Quiet, SceneName, finish
 from domesim.errors import InputError
 from domesim.host.console import Console
+from domesim.host.files import read_plain
 from domesim.host.writing import prepare, write_whole
 from domesim.measure.by_eye.page import server
 from domesim.measure.by_eye.session import SETTINGS, Kind, read_session
@@ -49,7 +51,7 @@ def by_eye(
             nothing = [(np.zeros(3), np.zeros(3))] * 2
             scene_of_text(with_crosstalk(content, name, nothing), scene, out)
         except InputError as error:
-            raise InputError(f"{error}. Describe the screen without it first.") from None
+            raise InputError(f"{error} ([crosstalk] is what by-eye replaces)") from None
     prepare(measured, inputs=[scene], overwrite=overwrite)
     session = read_session(out / SETTINGS, kind, described.digest)
     if session is None or not session.done:
@@ -61,7 +63,8 @@ def by_eye(
         session = read_session(out / SETTINGS, kind, described.digest)
     assert session is not None
     found = Result(described, session)
-    text = found.scene_text(content, name)
+    digest = hashlib.sha256(read_plain(out / SETTINGS)).hexdigest()
+    text = found.scene_text(content, name, digest)
     scene_of_text(text, str(measured), out)
     write_whole(measured, text.encode("utf-8", "surrogateescape"))
     console.say(*found.lines(), f"  -> {measured}")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import datetime
-import hashlib
 from typing import Any
 
 import numpy as np
@@ -19,8 +18,6 @@ from domesim.scene.writing import as_toml
 
 Floats = NDArray[np.float64]
 
-_UNSURE = 3.0
-"""Standard errors of a drift that is told to be one."""
 _WIDE = 0.3
 """Half of an interval, over its value, above which more settings are advised."""
 
@@ -81,7 +78,7 @@ class Result:
             "settings": len(self._session.settings),
         }
 
-    def scene_text(self, content: dict[str, Any], name: str) -> str:
+    def scene_text(self, content: dict[str, Any], name: str, digest: str) -> str:
         """The scene's file with what was found in it.
 
         Parameters
@@ -90,8 +87,9 @@ class Result:
             As it was (`domesim.scene.loading.scene_content`).
         name
             What it is called now.
+        digest
+            SHA-256 of the settings' file.
         """
-        stored = self._session.model_dump_json(indent=1).encode()
         if self._of_light:
             return with_crosstalk(content, name, self._figures)
         (shares,) = self._estimate.shares
@@ -111,7 +109,7 @@ class Result:
                 f"{primary} screen": _numbers(row)
                 for primary, row in zip("RGB", shares.correlation, strict=True)
             },
-            "sha256": {SETTINGS: hashlib.sha256(stored).hexdigest()},
+            "sha256": {SETTINGS: digest},
         }
         return with_albedo(content, name, value, measured)
 
@@ -212,7 +210,7 @@ def _habits(estimate: Estimate) -> list[str]:
         f"last settings less first ones: {change:+.0%} ± {SIGMAS * error:.0%}; "
         + (
             "the viewer was still learning, or tired: let them do it once more in another folder"
-            if abs(change) > _UNSURE * error
+            if abs(change) > SIGMAS * error
             else "no learning is seen"
         )
     ]

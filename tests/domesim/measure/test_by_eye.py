@@ -208,39 +208,51 @@ def test_settings_of_another_scene_are_refused(tmp_path, run):
     wrong.is_refused("settings.json", "got something else")
 
 
-def test_a_server_keeps_settings_loses_none_and_ends(tmp_path):
+@pytest.fixture
+def served(tmp_path):
+    """A server of a dome's page in this folder: its thread, and how to ask it."""
+    running = server(tmp_path, "dome", "a dome", "", 0)
+    thread = threading.Thread(target=running.serve_forever, args=(0.05,))
+    thread.start()
+
+    def asked(path, data=None, **headers):
+        address = f"http://127.0.0.1:{running.server_address[1]}{path}"
+        request = urllib.request.Request(address, data=data, headers=headers)
+        try:
+            with urllib.request.urlopen(request) as reply:
+                return reply.status
+        except urllib.error.HTTPError as error:
+            error.close()
+            return error.code
+
+    yield thread, asked
+    running.shutdown()
+    thread.join()
+    running.server_close()
+
+
+def test_a_server_keeps_settings_loses_none_and_ends(tmp_path, served):
+    thread, asked = served
     whole = room("dome", *DISPLAYS["dome"]).session(viewer())
-    part = whole.model_copy(update={"settings": whole.settings[:5]})
-    longer = whole.model_copy(update={"settings": whole.settings[:8]})
-    with server(tmp_path, "dome", "a dome", whole.digest) as running:
-        thread = threading.Thread(target=running.serve_forever, args=(0.05,))
-        thread.start()
-        address = f"http://127.0.0.1:{running.server_address[1]}"
+    part, longer = (
+        whole.model_copy(update={"settings": whole.settings[:count]}) for count in (5, 8)
+    )
 
-        def asked(path, data=None, **headers):
-            request = urllib.request.Request(f"{address}{path}", data=data, headers=headers)
-            try:
-                with urllib.request.urlopen(request) as reply:
-                    return reply.status
-            except urllib.error.HTTPError as error:
-                error.close()
-                return error.code
+    def post(session, **headers):
+        return asked("/settings", session.model_dump_json().encode(), **headers)
 
-        def post(session, **headers):
-            return asked("/settings", session.model_dump_json().encode(), **headers)
-
-        assert asked("/") == 200
-        assert (asked("/settings"), asked("/settings.json"), asked("/x", b"{}")) == (204, 404, 400)
-        assert post(longer, Origin="http://elsewhere.example") == 400
-        assert (post(longer), post(part), post(longer)) == (204, 409, 204)
-        assert post(whole.model_copy(update={"digest": "another"})) == 409
-        assert asked("/settings", b'{"kind": "dome"}') == 409
-        assert asked("/settings") == 200
-        assert len(read_session(tmp_path / SETTINGS, "dome", whole.digest).settings) == 8
-        assert post(whole) == 204
-        thread.join(20)
-        assert not thread.is_alive()
-    assert read_session(tmp_path / SETTINGS, "dome", whole.digest).done
+    assert asked("/") == 200
+    assert (asked("/settings"), asked("/settings.json"), asked("/x", b"{}")) == (204, 404, 400)
+    assert post(longer, Origin="http://elsewhere.example") == 400
+    assert (post(longer), post(part), post(longer)) == (204, 409, 204)
+    assert post(whole.model_copy(update={"digest": "another"})) == 409
+    assert asked("/settings", b'{"kind": "dome"}') == 409
+    assert asked("/settings") == 200
+    assert len(read_session(tmp_path / SETTINGS, "dome", "").settings) == 8
+    assert post(whole) == 204
+    thread.join(20)
+    assert not thread.is_alive()
+    assert read_session(tmp_path / SETTINGS, "dome", "").done
 
 
 def test_settings_out_of_order_are_refused():
