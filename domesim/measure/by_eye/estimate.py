@@ -202,6 +202,8 @@ class Estimate:
     learning, learning_error
         By how much the last setting of a share differs from the first one, over the share, and its
         standard error.
+    apart
+        By how much settings from above are above those from below, over the share, median.
     slips
         How many settings were left out.
     """
@@ -209,6 +211,7 @@ class Estimate:
     shares: tuple[Shares, ...]
     learning: float
     learning_error: float
+    apart: float
     slips: int
 
 
@@ -254,7 +257,8 @@ def estimated(settings: Sequence[Settings]) -> Estimate:
         for eye in eyes
     ]
     slips = sum(each.slips for each in (*ratios, *means))
-    return Estimate(tuple(found), *_learning(nulls, means, lights, units), slips)
+    apart = float(np.median([mean.apart / max(mean.value, 1e-9) for mean in means]))
+    return Estimate(tuple(found), *_learning(nulls, means, lights, units), apart, slips)
 
 
 def _answered(settings: Settings, response: Response, exponents: Floats | None = None) -> Floats:

@@ -65,7 +65,6 @@ class Result:
                 "correlation": shares.correlation.tolist(),
                 "level": shares.value.tolist(),
                 "gammas": list(shares.response.gammas),
-                "from_above_less_from_below": [mean.apart for mean in shares.means],
             }
             for shares, (value, error) in zip(self._estimate.shares, self._figures, strict=True)
         }
@@ -74,6 +73,7 @@ class Result:
             "eyes": eyes,
             "learning": self._estimate.learning,
             "learning_standard_error": self._estimate.learning_error,
+            "from_above_less_from_below": self._estimate.apart,
             "slips": self._estimate.slips,
             "settings": len(self._session.settings),
         }
@@ -207,12 +207,13 @@ def _habits(estimate: Estimate) -> list[str]:
     """How the viewer turned."""
     change, error = estimate.learning, estimate.learning_error
     lines = [
+        f"settings from above less those from below: {estimate.apart:+.0%}; their middle is taken",
         f"last settings less first ones: {change:+.0%} ± {SIGMAS * error:.0%}; "
         + (
             "the viewer was still learning, or tired: let them do it once more in another folder"
             if abs(change) > SIGMAS * error
             else "no learning is seen"
-        )
+        ),
     ]
     if estimate.slips:
         lines.append(f"slips left out: {estimate.slips}")
