@@ -8,21 +8,31 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from domesim.commands.options import Json, OutFolder, Overwrite, Quiet, SceneName, finish
+from domesim.commands.options import Json, OutFolder, Overwrite, Quiet, finish
 from domesim.errors import InputError
 from domesim.host.console import Console
 from domesim.host.files import read_plain
 from domesim.host.writing import prepare, write_whole
 from domesim.measure.by_eye.page import server
 from domesim.measure.by_eye.session import SETTINGS, Kind, read_session
-from domesim.scene import DomeScene, StereoScene, load_scene
+from domesim.scene import DomeScene, StereoScene, load_scene, scene_names
 from domesim.scene.loading import scene_content, scene_of_text
 
 MEASURED = "measured.toml"
 
 
 def by_eye(
-    scene: SceneName,
+    scene: Annotated[
+        str,
+        typer.Option(
+            "--scene",
+            "--dome",
+            "--stereo",
+            help="The dome or the 3D screen: a scene's name or .toml file.",
+            show_default=False,
+            autocompletion=scene_names,
+        ),
+    ],
     out: OutFolder,
     port: Annotated[
         int,

@@ -153,7 +153,7 @@ def stored(session, scene, folder, run):
     out = folder / "out"
     out.mkdir()
     (out / SETTINGS).write_text(session.model_dump_json())
-    return run("measure", "by-eye", "--scene", scene, "--out", out)
+    return run("measure", "by-eye", f"--{session.kind}", scene, "--out", out)
 
 
 def test_a_pair_carries_its_errors(tmp_path, run):
