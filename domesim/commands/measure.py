@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from domesim.commands.measure_by_eye import by_eye
 from domesim.commands.measure_patterns import patterns
+from domesim.commands.measure_reflected import reflected
 from domesim.commands.options import Json, Overwrite, Quiet, finish
 from domesim.errors import InputError
 from domesim.frames.colour import chromaticities_of
@@ -50,6 +51,7 @@ app = typer.Typer(
 )
 app.command()(patterns)
 app.command()(by_eye)
+app.command()(reflected)
 
 WIDTH, DISTANCE, ADAPTATION = 2.5, 3.0, 5.0
 """Width of the screen (m), distance to it (m) and adaptation (cd/m²) in van Baar et al. 2011,

@@ -31,6 +31,7 @@ _HEADINGS = {
     "sector": "Sectors and rings",
     "ring": "Sectors and rings",
     "checkerboard": "Checkerboards",
+    "shifted": "Shifted checkerboards",
     "patch": "Patches",
     "registration": "Registration",
 }
