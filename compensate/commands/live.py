@@ -6,11 +6,14 @@ import json as to_json
 import os
 import re
 import sys
+import threading
 from collections.abc import Callable, Iterator
-from dataclasses import replace
+from contextlib import ExitStack, nullcontext
+from dataclasses import dataclass, replace
+from functools import partial
 from itertools import count, cycle, islice
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, final
 
 import numpy as np
 import typer
@@ -18,6 +21,7 @@ import typer
 from compensate.aim import Aim
 from compensate.live.coding import PIXEL_FORMATS, Coding, PixelFormat
 from compensate.live.engines import engine_of
+from compensate.live.ndi import Receiver, Sender, encoded
 from compensate.live.process import (
     HELD,
     Report,
@@ -34,6 +38,7 @@ from domesim.commands.shows import TPDF
 from domesim.errors import InputError
 from domesim.frames.colour import ColourTag
 from domesim.frames.encodings import encoding_named
+from domesim.host import endings
 from domesim.host.console import Console
 from domesim.host.writing import prepare, write_whole
 from domesim.scene import Scene
@@ -106,6 +111,23 @@ def live(
             show_default=False,
         ),
     ] = None,
+    ndi_in: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="Take frames by NDI, from the source of that name, instead of standard input "
+            "(extra ndi). It is waited for. --ndi-out says where they go.",
+            show_default=False,
+        ),
+    ] = None,
+    ndi_out: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="Send them by NDI, as a source of that name; late ones are left out.",
+            show_default=False,
+        ),
+    ] = None,
     drop: Annotated[
         bool,
         typer.Option(
@@ -117,7 +139,7 @@ def live(
         bool, typer.Option("--json", help="Print figures to standard error as one JSON object.")
     ] = False,
 ) -> None:
-    """Compensate frames from standard input to standard output, as they come."""
+    """Compensate frames as they come, from standard input to standard output, or by NDI."""
     theatre = place.load(Console(quiet=True))[1]  # standard output is not for text
     pixels = PIXEL_FORMATS.get(pixel_format)
     if pixels is None:
@@ -125,46 +147,117 @@ def live(
             f"--pixel-format {pixel_format!r} is not known; use {', '.join(PIXEL_FORMATS)}"
         )
     settings: Any = {"aim": Aim() if lift is None else Aim(lift=lift), "dithers": _dithers(dither)}
+    if (ndi_in is None) != (ndi_out is None):
+        raise InputError("live: --ndi-in and --ndi-out belong together; name both")
+    over, told = threading.Event(), partial(print, file=sys.stderr, flush=True)
+    with endings.heard_by(over.set) if ndi_in else nullcontext(), ExitStack() as held:
+        if ndi_in is not None and ndi_out is not None:
+            tell = (lambda line: None) if quiet else told
+            way = _by_ndi(held.enter_context(Receiver(ndi_in, over, tell)), ndi_out, held, size)
+        else:
+            way = _by_pipes(size, pixels, drop=drop)
+        if way is None:
+            return
+        settings["dithers"] &= way.dithers
+        rows, cols, beside = _views(theatre, way.width, way.height, packing)
+        coding = Coding(theatre.projector, _meaning(theatre, encoding, way.usual))
+        name, compensated = engine_of(
+            theatre, rows, cols, coding, way.pixels, beside=beside, device=device, **settings
+        )
+        first = np.zeros((way.height, way.width, way.pixels.channels), way.pixels.dtype)
+        compensated(first, 0)  # compiles
+        if not quiet:
+            told(
+                f"{theatre.name}: {way.width} x {way.height}, {_told(coding.colour)}, by {name}: "
+                f"ready"
+            )
+        if way.begin:
+            os.write(_OUTPUT, way.begin)
+        report = stream(way.frames, compensated, way.sink, drop=way.drop, head=way.head)
+    if json:
+        facts = {**place.about(theatre), "computed_by": name, **report.figures(fps or way.rate)}
+        print(to_json.dumps(facts, indent=1), file=sys.stderr)
+    elif not quiet:
+        print(_line(report), file=sys.stderr)
+
+
+@final
+@dataclass(frozen=True)
+class _Way:
+    """How frames come and go."""
+
+    width: int
+    height: int
+    pixels: PixelFormat
+    usual: str  # encoding
+    frames: Iterator[Any]
+    sink: int | Callable[[Any], None]
+    head: Callable[[Any], list[Any]]
+    drop: bool
+    dithers: bool  # whether frames go out with all the bits that they are made with
+    begin: bytes = b""  # of the stream
+    rate: float | None = None
+
+
+def _by_pipes(size: str | None, pixels: PixelFormat, *, drop: bool) -> _Way:
     if os.isatty(_INPUT) or os.isatty(_OUTPUT):
         raise InputError(
             "live: frames come by standard input and go by standard output; name both "
             "(ffmpeg ... | domesim live ... | ffplay ...)"
         )
     widen(_INPUT, _OUTPUT)
-    header = None
     if size is None:
         header = header_of(read_line(_INPUT, LONGEST))
-        width, height, pixels = header.width, header.height, PIXEL_FORMATS["rgb48le"]
-        settings["dithers"] = False  # the planes have fewer bits
-    else:
-        width, height = _size(size)
-    usual = "bt709" if header else "linear" if pixels.floating else "srgb"
-    rows, cols, beside = _views(theatre, width, height, packing)
-    coding = Coding(theatre.projector, _meaning(theatre, encoding, usual))
-    name, compensated = engine_of(
-        theatre, rows, cols, coding, pixels, beside=beside, device=device, **settings
-    )
-    compensated(np.zeros((height, width, pixels.channels), pixels.dtype), 0)  # compiles
-    if not quiet:
-        print(
-            f"{theatre.name}: {width} x {height}, {_told(coding.colour)}, by {name}: ready",
-            file=sys.stderr,
-            flush=True,
+        return _Way(
+            header.width,
+            header.height,
+            PIXEL_FORMATS["rgb48le"],
+            "bt709",
+            _of_y4m(header),
+            _OUTPUT,
+            _written(header),
+            drop,
+            dithers=False,  # the planes have fewer bits
+            begin=header.line + b"\n",
         )
+    width, height = _size(size)
     room: Iterator[Any] = (
         np.empty((height, width, pixels.channels), pixels.dtype) for _ in count()
     )
     if not drop:  # they come back in turns: who drops frames cannot tell which are still in use
         room = cycle(list(islice(room, HELD)))
-    frames = _raw(room, pixels) if header is None else _of_y4m(header)
-    if header is not None:
-        os.write(_OUTPUT, header.line + b"\n")
-    report = stream(frames, compensated, _OUTPUT, drop=drop, head=_written(header))
-    if json:
-        facts = {**place.about(theatre), "computed_by": name, **report.figures(fps)}
-        print(to_json.dumps(facts, indent=1), file=sys.stderr)
-    elif not quiet:
-        print(_line(report), file=sys.stderr)
+    return _Way(
+        width,
+        height,
+        pixels,
+        "linear" if pixels.floating else "srgb",
+        _raw(room, pixels),
+        _OUTPUT,
+        lambda frame: [frame],
+        drop,
+        dithers=True,
+    )
+
+
+def _by_ndi(source: Receiver, out: str, held: ExitStack, size: str | None) -> _Way | None:
+    """None if it is over before the source is there."""
+    if size is not None:
+        raise InputError("--size: frames of NDI say their size themselves; leave it out")
+    if not source.connect():
+        return None
+    height, width = source.shape
+    return _Way(
+        width,
+        height,
+        PIXEL_FORMATS["rgba64le" if source.alpha else "rgb48le"],
+        "bt709",
+        source.pictures(),
+        held.enter_context(Sender(out, source)).send,
+        lambda frame: [encoded(frame)],
+        drop=True,  # its sender does not wait
+        dithers=False,
+        rate=float(source.rate),
+    )
 
 
 @grouped
@@ -288,10 +381,8 @@ def _require_whole(got: int, wanted: int, number: int, question: str) -> None:
         )
 
 
-def _written(header: Y4M | None) -> Callable[[Any], list[Any]]:
+def _written(header: Y4M) -> Callable[[Any], list[Any]]:
     """What to write of a frame."""
-    if header is None:
-        return lambda frame: [frame]
     return lambda frame: [FRAME + b"\n", header.encoded(frame)]
 
 

@@ -14,6 +14,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from functools import partial
 from queue import Empty, Full, Queue
 from typing import Any, TypeAlias, final
 
@@ -186,7 +187,7 @@ def read_line(source: int, longest: int, sink: int | None = None) -> bytes:
 def stream(
     frames: Iterator[Any],
     compensate: Compensate,
-    sink: int,
+    sink: int | Callable[[Any], None],
     *,
     drop: bool = False,
     head: Callable[[Any], list[Any]] = lambda frame: [frame],
@@ -200,7 +201,7 @@ def stream(
     compensate
         Makes what `head` takes; one at a time.
     sink
-        File descriptor that they go to.
+        File descriptor that they go to, or what takes a buffer.
     drop
         Leaves out frames that wait while a newer one has come; else the sender waits.
     head
@@ -244,8 +245,11 @@ def stream(
 class _Line:
     """What the threads of a stream share: one that reads, one that writes, and whoever computes."""
 
-    def __init__(self, frames: Iterator[Any], sink: int, drop: bool) -> None:
-        self._frames, self._sink, self._drop = frames, sink, drop
+    def __init__(
+        self, frames: Iterator[Any], sink: int | Callable[[Any], None], drop: bool
+    ) -> None:
+        self._frames, self._drop = frames, drop
+        self._send = partial(_write_all, sink) if isinstance(sink, int) else sink
         self._begun = time.process_time()
         self.report = Report()
         self.came: Queue[Any] = Queue(1)
@@ -305,7 +309,7 @@ class _Line:
         while (item := self.get(self.made)) is not None:
             read_at, buffers = item
             for buffer in buffers:
-                _write_all(self._sink, buffer)
+                self._send(buffer)
             now = time.perf_counter()
             first = read_at if first is None else first
             self.report.frames += 1

@@ -245,7 +245,8 @@ def full_size(
 def _twice(small: NDArray[np.float32], rows: int, place: float) -> NDArray[np.float32]:
     """Two rows for each of `small`, which lies at `place` of them: 0 the first, 1 the second."""
     near = np.float32(1 - place / 2), np.float32((1 + place) / 2)
-    twice = np.empty((2 * len(small), small.shape[1]), np.float32)
+    order: Any = "C" if small.flags.c_contiguous else "F"  # columns' are written as they are read
+    twice = np.empty((2 * len(small), small.shape[1]), np.float32, order)
     twice[0::2], twice[1::2] = near[0] * small, near[1] * small
     twice[2::2] += (1 - near[0]) * small[:-1]
     twice[1:-1:2] += (1 - near[1]) * small[1:]

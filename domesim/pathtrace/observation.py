@@ -71,8 +71,7 @@ class PathTracedDome(Observation):
     settings
         How accurate, and from which seed.
     black
-        What is seen of a black picture of the projectors themselves, 1.0 = projector white: of all
-        of the screen, or (row, col, primary).
+        Luminance of a black picture by the projectors themselves, 1.0 = projector white.
     eye
         Where the eye is, m in the room's frame; a Lambertian screen looks the same from everywhere.
     tracer
@@ -93,7 +92,7 @@ class PathTracedDome(Observation):
         cols: int,
         settings: Settings | None = None,
         *,
-        black: float | NDArray[np.floating] = 0.0,
+        black: float = 0.0,
         eye: tuple[float, float, float] = CENTRE,
         tracer: Tracer | None = None,
         progress: Progress | None = None,
@@ -171,8 +170,10 @@ class PathTracedDome(Observation):
 
     @cached_property
     def _dark(self) -> NDArray[Any]:
-        """(1, row, col, primary): the projectors' black."""
-        return np.asarray(self._black * self._screen[None, :, :, None])
+        """(1, row, col, primary): the projectors' black, as paint shows it."""
+        paint = self._tracer.theatre.paint
+        factors = 1.0 if paint is None else paint.on(*self._screen.shape)
+        return np.asarray(self._black * factors * self._screen[None, :, :, None])
 
     @cached_property
     def _seen_gain(self) -> NDArray[Any]:

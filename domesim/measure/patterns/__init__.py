@@ -30,7 +30,6 @@ Kind = Literal[
     "sector",
     "ring",
     "checkerboard",
-    "shifted",
     "patch",
     "registration",
 ]
