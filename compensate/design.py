@@ -374,7 +374,7 @@ def _of_pair(content: Content) -> Iterator[Knob]:
 
 def _screen_light(content: Content, more: float) -> None:
     """All light on the screen, but for what its room sends back, `more` times as bright."""
-    _scaled(content["projector"], ("white_cd_m2", "black_cd_m2"), more)
+    _projectors_scaled(content, ("white_cd_m2", "black_cd_m2"), more)
     _scaled(content.get("ambient", {}), ("luminance_cd_m2",), more)
     if "star_projector" in (sky := content.get("sky", {})):
         stars = StarProjectorSection(**sky["star_projector"])
@@ -382,7 +382,13 @@ def _screen_light(content: Content, more: float) -> None:
 
 
 def _brighten(content: Content, more: float) -> None:
-    _scaled(content["projector"], ("white_cd_m2", "lumens", "black_cd_m2"), more)
+    _projectors_scaled(content, ("white_cd_m2", "lumens", "black_cd_m2"), more)
+
+
+def _projectors_scaled(content: Content, keys: Sequence[str], more: float) -> None:
+    projector = content["projector"]
+    for section in (projector, *projector.get("units", ())):
+        _scaled(section, keys, more)
 
 
 def _stray(content: Content) -> bool:

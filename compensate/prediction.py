@@ -73,6 +73,7 @@ from domesim.light import Light
 from domesim.light.blocks import block_sums, light_means
 from domesim.light.guarded import guarded
 from domesim.room.viewing import DomeSeat, Viewing
+from domesim.scene import Scene
 
 Planes = NDArray[np.float32]
 Mask = NDArray[np.bool_]
@@ -81,6 +82,9 @@ FINEST = 8.0
 """Pixels per degree that maps are computed with at least: a finer picture is reduced to a half, a
 quarter, ... that still has as many. Little is lost that could pass eq. 10: averaged over a square
 of 0.25 degrees, a grating of 4 cycles/degree along its sides is 0."""
+
+FINEST_OF_ONE_VIEW = 5.0
+"""The same, where no other view's picture is a ghost. Light that a room reflects is smooth."""
 
 FINEST_CONTRAST = 16.0
 """Pixels per degree, at least, for differences of local contrast, which finer ghosts pass."""
@@ -328,13 +332,13 @@ def triage(posed: Posed, settings: Prediction | None = None) -> Triage:
     return Triage(untouched, subtracted, verdict)
 
 
-def reduction(viewing: Viewing, settings: Prediction, rows: int, cols: int) -> int:
+def reduction(scene: Scene, settings: Prediction, rows: int, cols: int) -> int:
     """Computes by how much a master may be reduced before a prediction, which is no finer.
 
     Parameters
     ----------
-    viewing
-        How its scene is seen.
+    scene
+        Where it is shown.
     settings
         As for `predict`.
     rows, cols
@@ -346,11 +350,11 @@ def reduction(viewing: Viewing, settings: Prediction, rows: int, cols: int) -> i
         Side of the blocks of pixels that are averaged; both sides of the view are multiples of it.
         1 where a seat sees places in different sizes.
     """
-    if viewing.seat is not None:
+    if scene.viewing.seat is not None:
         return 1
     by_contrast = settings.combination is Combination.LOCAL_CONTRAST
-    finest = FINEST_CONTRAST if by_contrast else FINEST
-    step = _step(viewing.pixels_per_degree(rows, cols), finest)
+    finest = FINEST_CONTRAST if by_contrast else _finest(scene)
+    step = _step(scene.viewing.pixels_per_degree(rows, cols), finest)
     while rows % step or cols % step:
         step //= 2
     return step
@@ -425,9 +429,10 @@ class _Eye:
         self._projector = posed.scene.projector
         rows, cols = posed.screen.shape
         finest = viewing.pixels_per_degree(rows, cols)
-        step = _step(finest, FINEST)
+        step = _step(finest, _finest(posed.scene))
         self._grid = _Grid(posed.screen, step)
         self._per_degree = finest / step
+        self._on_screen: dict[int, Planes] = {}  # shares of squares, by their side
         # of very coarse pictures, the widest mechanism that they can hold
         self._lowest = min(settings.cortex.lowest, self._per_degree / 2)
         self._room = posed.seen(np.zeros_like(posed.desired))
@@ -550,11 +555,10 @@ class _Eye:
         if side <= 1:
             return planes
 
-        def sums(plane: Planes) -> Planes:
-            return np.asarray(scipy.ndimage.uniform_filter(plane, side, mode="constant"))
-
-        screen = np.maximum(sums(self._grid.screen.astype(np.float32)), 1 / side**2)
-        return np.stack([sums(plane) / screen for plane in planes])
+        if side not in self._on_screen:
+            screen = self._grid.screen.astype(np.float32)
+            self._on_screen[side] = np.maximum(_within(screen, side), 1 / side**2)
+        return np.stack([_within(plane, side) / self._on_screen[side] for plane in planes])
 
     def _luminance(self, light: Light) -> Planes:
         """(view, row, col) as it reaches the retina, cd/m²; a little below 0 is 0."""
@@ -665,6 +669,15 @@ class _Grid:
             return planes
         means = np.array([plane[self.screen].mean() for plane in planes], np.float32)
         return np.where(self.screen, planes, means[:, None, None])
+
+
+def _within(plane: Planes, side: int) -> Planes:
+    """Means over squares around pixels; 0 beyond the edge."""
+    return np.asarray(scipy.ndimage.uniform_filter(plane, side, mode="constant"))
+
+
+def _finest(scene: Scene) -> float:
+    return FINEST if scene.views > 1 else FINEST_OF_ONE_VIEW
 
 
 def _step(per_degree: float, finest: float) -> int:

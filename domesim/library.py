@@ -116,10 +116,9 @@ def render(light: LightT, scene: AnyScene, *, error: float = 0.05, seed: int = 0
     require_light(light, who="render", primaries=3)
     require_finite(light, who="render")
     dome = _dome(scene, "render")
-    black = dome.ambient / dome.projector.white
     rows, cols = light.shape[1:3]
     how = Settings(error=error, seed=seed)
-    traced = PathTracedDome(dome.theatre, rows, cols, how, black=black)
+    traced = PathTracedDome(dome.theatre, rows, cols, how, black=dome.black_frame(rows, cols))
     seen: LightT = as_sent(traced.observe(on_host(light)), light)
     return seen
 

@@ -50,7 +50,9 @@ class Studio:
         return (light + spread * rng.standard_normal(shape)).astype(np.float32)
 
 
-def store_all(folder, studio, *, seed=0, primaries=False, kind="exr", extra="", projector=True):
+def store_all(
+    folder, studio, *, seed=0, primaries=False, kind="exr", extra="", projector=True, bits=14
+):
     """All photographs of a studio, and the file that lists them."""
     rng = np.random.default_rng(seed)
     colours = (
@@ -61,12 +63,12 @@ def store_all(folder, studio, *, seed=0, primaries=False, kind="exr", extra="", 
     lines = ["[photographs]", extra]
     for through in EYES:
         lines += [f"[photographs.{through}]", f'black = "{through}-black.{kind}"']
-        save(folder / f"{through}-black.{kind}", studio.photograph(rng))
+        save(folder / f"{through}-black.{kind}", studio.photograph(rng), bits)
         for shown in EYES:
             files = {}
             for name, colour in colours.items():
                 files[name] = f"{through}-{shown}-{name}.{kind}"
-                save(folder / files[name], studio.photograph(rng, shown, through, colour))
+                save(folder / files[name], studio.photograph(rng, shown, through, colour), bits)
             told = ", ".join(f'{name} = "{file}"' for name, file in files.items())
             lines.append(f"{shown} = {{ {told} }}" if primaries else f'{shown} = "{files["W"]}"')
     lines += ["[projector]", "white_cd_m2 = 15.4"] if projector else []
@@ -75,9 +77,12 @@ def store_all(folder, studio, *, seed=0, primaries=False, kind="exr", extra="", 
     return path
 
 
-def save(path, samples):
+def save(path, samples, bits=14):
     if path.suffix == ".dng":
-        store_raw(path, samples)
+        store_raw(path, samples, bits=bits)
+        return
+    if path.suffix == ".tif":
+        store(path, np.round(np.clip(samples, 0, 1) * 65535).astype(np.uint16))
         return
     store(path, samples, oiio__ColorSpace="lin_rec709")
 

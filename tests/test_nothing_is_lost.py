@@ -66,8 +66,8 @@ NOWHERE = {"doctor", "live", "report-card", "measure response", "study power"}
 OWN = ("job", "pictures", "server")
 """Folders that commands make for themselves."""
 
-ANSWERING = {"study play"}
-"""Commands that write what others send them: tests/validation/test_audience_page.py."""
+ANSWERING = {"study play", "measure by-eye"}
+"""Commands that write what others send them: test_audience_page.py, test_by_eye.py."""
 
 
 def test_all_commands_are_tried() -> None:

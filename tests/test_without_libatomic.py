@@ -76,7 +76,7 @@ def test_the_demo_works_and_tells(
     run: Run, out: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     small = read_master([store(tmp_path / "m.exr", np.full((32, 32, 3), 0.2, np.float32))])
-    monkeypatch.setattr(compare, "read_master", lambda _: small)
+    monkeypatch.setattr(compare, "bundled_night", lambda: small)
     outcome = run("demo", "--scene", "dome_hemisphere", "--out", out)
     assert (outcome.code, outcome.err) == (0, "")
     *_, told, _, page = outcome.out.splitlines()

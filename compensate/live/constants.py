@@ -22,7 +22,7 @@ from domesim.errors import InputError
 from domesim.light.blocks import block_sums
 from domesim.observation.crosstalk import Crosstalk
 from domesim.observation.lowrank import LowRankObservation
-from domesim.scene import Scene
+from domesim.scene import DomeScene, Scene
 from domesim.scene.grade import TAKEN_OUT
 
 CELLS = 64
@@ -182,6 +182,12 @@ def constants_of(scene: Scene, rows: int, cols: int, aim: Aim | None = None) -> 
         scene.projector.white,
         scene.viewing.pixels_per_degree(rows, cols),
     )
+    if isinstance(scene, DomeScene) and scene.black_differs:
+        raise InputError(
+            f"{scene.name}: live pictures are of projectors whose black is the same all over the "
+            f"screen, not of units with a black_cd_m2 or an uplift; compensate the show as files "
+            f"(domesim compensate)"
+        )
     if isinstance(observation, LowRankObservation):
         if scene.kept.any() and not observation.has_unit_gain:
             raise InputError(

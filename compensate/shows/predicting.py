@@ -38,6 +38,7 @@ from domesim.frames.writing import bare_specification
 from domesim.host.writing import write_together
 from domesim.inspection.magnitudes import SOURCES, Faintest
 from domesim.light.blocks import light_means
+from domesim.light.strips import converted
 from domesim.observation.stereo import VIEWS
 from domesim.scene.choice import SceneChoice
 from domesim.scene.screening import averaged_on_screen
@@ -65,6 +66,9 @@ LARGEST = 1024
 
 GAP = 4
 """Between the halves of a picture, pixels."""
+
+MOST = np.finfo(np.float16).max
+"""What a map holds at most."""
 
 BRIGHTEST = 4096
 """What a residual is brightened by at most."""
@@ -115,7 +119,7 @@ class Predicting(Recipe):
 
         def prepare(source: Master) -> tuple[Posed, int]:
             size = source.frames[0].pixels.shape[:2]
-            step = reduction(theatre.viewing, self.prediction, *size)
+            step = reduction(theatre, self.prediction, *size)
             return stage.pose(averaged_on_screen(source, theatre, step)), step
 
         return Work(prepare, solve, end)
@@ -183,10 +187,10 @@ class Predicting(Recipe):
         )
 
     def memory(self, rows: int, cols: int) -> int:
-        """See `Recipe`."""
-        viewing = self.scene.load().viewing
-        step = reduction(viewing, self.prediction, rows, cols)
-        return 500_000_000 + (115 // step**2 + 10) * 4 * rows * cols
+        """See `Recipe`: a quarter more than measured."""
+        theatre = self.scene.load()
+        step = reduction(theatre, self.prediction, rows, cols)
+        return 150_000_000 + theatre.views * (80 // step**2 + 6) * 4 * rows * cols
 
 
 Lost: TypeAlias = dict[str, float] | None
@@ -308,7 +312,7 @@ def _png(path: Path, plane: Planes, ghost: Planes, caption: str) -> bytes:
 
 
 def _exr(place: _Place, triage: Triage) -> bytes:
-    """All maps of the views of a file, as float channels."""
+    """All maps of the views of a file, as half channels: no more than `MOST`."""
     maps = triage.untouched
     each = (
         maps.tvi,
@@ -319,18 +323,9 @@ def _exr(place: _Place, triage: Triage) -> bytes:
         triage.subtracted.mask,
     )
     names = tuple(f"{name}{channel}" for name in place.views for channel in CHANNELS)
-    samples = np.stack([planes[k] for k in place.views.values() for planes in each], axis=-1)
-    samples = _rounded(samples.astype(np.float32))
-    planes = dict(zip(names, np.moveaxis(samples, -1, 0), strict=True))
-    return written(place.maps, [({}, planes)])
-
-
-def _rounded(samples: Planes) -> Planes:
-    """With 11 significant bits, as half has, but without its limits: a file half as large."""
-    bits = samples.view(np.uint32)
-    bits += np.uint32(1 << 12)
-    bits &= np.uint32(0xFFFFE000)
-    return samples
+    planes = (map_[k] for k in place.views.values() for map_ in each)
+    halves = [converted(np.minimum(plane, MOST), np.dtype(np.float16)) for plane in planes]
+    return written(place.maps, [({}, dict(zip(names, halves, strict=True)))])
 
 
 # What is said.

@@ -44,11 +44,12 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-import scipy
 from numpy.typing import ArrayLike, NDArray
 
+from compensate.fourier import Fourier, padded_size
 from compensate.vision.castle import DKL_FROM_XYZ
 from domesim.errors import InputError
+from domesim.light.blocks import light_means
 from domesim.light.guarded import guarded
 from domesim.light.transfer import SRGB
 
@@ -59,6 +60,10 @@ GRID = 32
 
 SCALES = (4, 2, 1)
 """Sides of the pictures in which orientation is sought, in grids."""
+
+FINEST = 4 * SCALES[0] * GRID
+"""Pixels along a picture's longest side, at least, in which features are sought: blocks of finer
+ones are averaged first."""
 
 ACTIVATION_SPREAD = 0.15
 """sigma of the activation, of the grid's mean side (sigma_frac_act)."""
@@ -117,6 +122,7 @@ def gbvs(image: ArrayLike) -> Floats:
     if light.min() < 0:
         raise InputError(f"saliency takes light of at least 0, got {light.min():g}")
     rows, cols = light.shape[:2]
+    light = light_means(light[None], max(1, max(rows, cols) // FINEST))[0]
     grid = _shape((rows, cols), GRID)
     near = _kernel(grid, ACTIVATION_SPREAD)
     total = np.zeros(grid[0] * grid[1])
@@ -162,27 +168,32 @@ def _features(light: NDArray[Any], grid: tuple[int, int]) -> list[tuple[Floats, 
     maps: list[tuple[Floats, float]] = [(opponent[..., k], same) for k in range(3)]
     maps.append((_average(intensities[-1], grid), same))
     for intensity in intensities[1:]:
-        energies = (_energy(intensity, angle) for angle in GABOR_ANGLES)
+        energies = _energies(intensity)
         maps += [(_average(_faded(each, ORIENTATION_FADE), grid), 1.0) for each in energies]
     return maps
 
 
-def _energy(intensity: Floats, angle: float) -> Floats:
-    """|even| + |odd| response to a grating whose wave runs along `angle` (O_orientation.m)."""
+def _energies(intensity: Floats) -> Floats:
+    """|even| + |odd| response to waves along each of `GABOR_ANGLES` (O_orientation.m)."""
     reach = int(np.ceil(GABOR_SIGMA * GABOR_ELONGATION * np.sqrt(10)))
     y, x = np.mgrid[-reach : reach + 1, -reach : reach + 1]
-    theta = np.radians(angle)
+    theta = np.radians(GABOR_ANGLES)[:, None, None]
     across, along = y * np.cos(theta) - x * np.sin(theta), y * np.sin(theta) + x * np.cos(theta)
     window = np.exp(-((across**2) + (along / GABOR_ELONGATION) ** 2) / (2 * GABOR_SIGMA**2))
-    padded = np.pad(intensity, reach, mode="symmetric")
-    energy = np.zeros_like(intensity)
-    for wave in (np.cos, np.sin):
-        gabor = window * wave(2 * np.pi / GABOR_PERIOD * across)
-        gabor -= gabor.mean()
-        energy += np.abs(
-            scipy.signal.fftconvolve(padded, gabor / np.linalg.norm(gabor), mode="valid")
-        )
-    return energy
+    wave = 2 * np.pi / GABOR_PERIOD * across
+    gabors = window * np.stack([np.cos(wave), np.sin(wave)])
+    gabors -= gabors.mean(axis=(-2, -1), keepdims=True)
+    gabors /= np.linalg.norm(gabors, axis=(-2, -1), keepdims=True)
+
+    rows, cols = intensity.shape
+    fourier = Fourier(padded_size(rows, 2 * reach), padded_size(cols, 2 * reach))
+    planes = np.zeros((1 + 2 * len(GABOR_ANGLES), fourier.rows, fourier.cols))
+    planes[0, : rows + 2 * reach, : cols + 2 * reach] = np.pad(intensity, reach, mode="symmetric")
+    planes[1:, : 2 * reach + 1, : 2 * reach + 1] = gabors.reshape(-1, *y.shape)
+    picture, *waves = fourier.forward(planes)
+    responses = fourier.inverse(picture * np.stack(waves))[:, 2 * reach :, 2 * reach :]
+    responses = np.abs(responses[:, :rows, :cols]).reshape(2, -1, rows, cols)
+    return np.asarray(responses.sum(axis=0))
 
 
 def _faded(plane: Floats, border: int) -> Floats:

@@ -18,7 +18,9 @@ import numpy as np
 import typer
 from numpy.typing import ArrayLike, NDArray
 
+from domesim.commands.measure_by_eye import by_eye
 from domesim.commands.measure_patterns import patterns
+from domesim.commands.measure_reflected import reflected
 from domesim.commands.options import Json, Overwrite, Quiet, finish
 from domesim.errors import InputError
 from domesim.frames.colour import chromaticities_of
@@ -40,6 +42,7 @@ if TYPE_CHECKING:
     from domesim.readings.meter import Black
     from domesim.readings.pair import MeasuredPair
     from domesim.readings.response import Display, Response
+    from domesim.readings.tables import Table
 
 app = typer.Typer(
     help="Turn a colorimeter's readings, or photographs, into figures and scene files.",
@@ -47,6 +50,8 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 app.command()(patterns)
+app.command()(by_eye)
+app.command()(reflected)
 
 WIDTH, DISTANCE, ADAPTATION = 2.5, 3.0, 5.0
 """Width of the screen (m), distance to it (m) and adaptation (cd/m²) in van Baar et al. 2011,
@@ -127,6 +132,7 @@ def crosstalk(
     Photographs through the eyewear give a map of it, too, for --transport.
     """
     from domesim.measure.photographs import lists_photographs  # noqa: PLC0415
+    from domesim.readings.luminance import luminance_alone  # noqa: PLC0415
     from domesim.readings.meter import EYES, read_readings  # noqa: PLC0415
     from domesim.readings.pair import measured_pair  # noqa: PLC0415
 
@@ -145,7 +151,14 @@ def crosstalk(
             readings, out, room, console, allow_negative=allow_negative, overwrite=overwrite
         )
         return
-    pair = measured_pair(read_readings(readings, black=taken), allow_negative=allow_negative)
+    if (table := luminance_alone(readings)) is not None:
+        for option, value in (("--black", black), ("--dome", dome)):
+            if value is not None:
+                raise InputError(f"{option} {value} needs X, Y and Z, got luminance alone")
+        _by_luminance(table, readings, out, room, console, overwrite=overwrite)
+        return
+    read = read_readings(readings, black=taken)
+    pair = measured_pair(read, allow_negative=allow_negative)
     prepare(out, inputs=[readings, dome], overwrite=overwrite)
     if dome is not None:
         if len(room.assumed) < _OF_ROOMS:
@@ -163,6 +176,7 @@ def crosstalk(
         **room.figures(),
     )
     write_whole(out, scene.encode())
+    _say_unread(console, read.unread)
     for line in [*pair.report(), *_colours_of(pair)]:
         console.say(line)
     for eye, matrix in zip(EYES, pair.gamut.matrices, strict=True):
@@ -274,11 +288,64 @@ def response(
             console.say(line)
         for line in _colours(display.primaries).lines():
             console.say(f"  {line}")
+    _say_unread(console, read.unread)
     if read.left_out:
         console.say(f"left out: {read.left_out} readings of mixed colours")
     figures = {display.name: _of_display(display) for display in displays}
     facts = {"readings": str(readings), "left_out": read.left_out}
     finish(console, {**facts, "displays": figures}, [])
+
+
+def _say_unread(console: Console, rows: int) -> None:
+    if rows:
+        console.say(f"not filled in: {rows} rows")
+
+
+def _by_luminance(
+    table: Table, readings: Path, out: Path, room: _Room, console: Console, *, overwrite: bool
+) -> None:
+    """Crosstalk of white alone: a scene file."""
+    from domesim.readings.luminance import measured_shares  # noqa: PLC0415
+
+    found = measured_shares(table)
+    prepare(out, inputs=[readings], overwrite=overwrite)
+    left, right = found.shares
+    text = _BY_LUMINANCE.format(
+        name=_quoted(out.stem),
+        description=_quoted(f"A stereo system as measured, white alone: {readings.name}."),
+        primaries=_quoted(COLOURS),
+        white=(left.white + right.white) / 2,
+        black=(left.black + right.black) / 2,
+        to_left=_rows(left.share * np.eye(3)),
+        to_right=_rows(right.share * np.eye(3)),
+        to_left_error=f"{left.error:.4g}",
+        to_right_error=f"{right.error:.4g}",
+        source=_quoted(f"measured: {readings.name}; white alone, taken to hold for each primary"),
+        **room.figures(),
+    )
+    scene_of_text(text, str(readings), out.parent)
+    write_whole(out, text.encode())
+    _say_unread(console, found.unread)
+    noise = found.noise
+    console.say(
+        f"noise of a reading {noise.relative:.2%} and {decimal(noise.absolute, 2)} cd/m² "
+        f"({noise.origin})"
+    )
+    for share in found.shares:
+        console.say(share.report())
+    console.say("one share for all primaries: luminance of white does not tell them apart")
+    console.say(f"Assumed, as luminance does not tell them: primaries {COLOURS}")
+    _say_where(console, out, room)
+    eyes = {
+        each.eye: {"system_crosstalk": each.share, "system_crosstalk_error": each.error}
+        for each in found.shares
+    }
+    assumed = ["primaries", *room.assumed]
+    finish(
+        console,
+        {"output": str(out), "readings": str(readings), "assumed": assumed, "eyes": eyes},
+        [],
+    )
 
 
 def _in_dome(pair: MeasuredPair, dome: str, readings: Path, out: Path, console: Console) -> None:
@@ -422,11 +489,21 @@ def dome(
         typer.Argument(
             metavar="SURVEY",
             help="A .toml file that names the theatre's scene file, the camera, the photographs "
-            "and their patterns (docs/measuring.md).",
+            "and their patterns (docs/measuring.md); or the .csv table of a meter, as domesim "
+            "measure patterns --with wrote it, with --scene.",
             show_default=False,
         ),
     ],
     out: SceneOut,
+    theatre: Annotated[
+        str | None,
+        typer.Option(
+            "--scene",
+            metavar="SCENE",
+            help="The dome that a meter read: a scene's name or .toml file.",
+            show_default=False,
+        ),
+    ] = None,
     hold: Annotated[
         list[str] | None,
         typer.Option(
@@ -453,6 +530,14 @@ def dome(
     json: Json = False,
 ) -> None:
     """Compute albedos, white and black of a dome from photographs or a meter: a scene file."""
+    console = Console(quiet=quiet, json=json)
+    _require_toml(out)
+    photographs = {
+        "--hold": hold, "--residual": residual, "--without-geometry": without_geometry
+    }  # fmt: skip
+    if _is_meters(survey, theatre, [name for name, value in photographs.items() if value]):
+        _dome_by_meter(survey, theatre, out, console, overwrite=overwrite)
+        return
     from domesim.measure.dome.file import read_survey  # noqa: PLC0415
     from domesim.measure.dome.report import (  # noqa: PLC0415
         figures_of,
@@ -462,8 +547,6 @@ def dome(
     )
     from domesim.measure.dome.run import surveyed  # noqa: PLC0415
 
-    console = Console(quiet=quiet, json=json)
-    _require_toml(out)
     if residual is not None and residual.suffix != ".png":
         raise InputError(f"--residual {residual}: is stored as .png, name it so")
     known = dict(_held(text) for text in hold or ())
@@ -492,12 +575,57 @@ def dome(
             f"patterns and the floor, or hold what is known (--hold floor=0.1)"
         )
         finish(console, {"output": None, **figures}, [str(survey)])
-    text = measured_scene(task, fit, out.stem, survey)
-    scene = scene_of_text(text, str(out), out.parent)
-    write_whole(out, text.encode())
-    console.say(f"{scene.facts()['Measured']}\n  -> {out}")
-    console.say(f"Use it: domesim compensate MASTER --scene {out}")
+    _say_measured(measured_scene(task, fit, out.stem, survey), out, console)
     finish(console, {"output": str(out), **figures}, [])
+
+
+def _say_measured(text: str, out: Path, console: Console) -> None:
+    """Write a dome's scene, and say what it is."""
+    written = scene_of_text(text, str(out), out.parent)
+    write_whole(out, text.encode())
+    console.say(f"{written.facts()['Measured']}\n  -> {out}")
+    console.say(f"Use it: domesim compensate MASTER --scene {out}")
+
+
+def _is_meters(survey: Path, scene: str | None, of_photographs: list[str]) -> bool:
+    """Whether a survey is the table of a meter, with the options that this needs."""
+    if survey.suffix.lower() != ".csv":
+        if scene is not None:
+            raise InputError(
+                f"--scene {scene} is for a meter's table (.csv): {survey} names its theatre itself"
+            )
+        return False
+    if of_photographs:
+        raise InputError(f"{of_photographs[0]} is for photographs; leave it out with {survey}")
+    if scene is None:
+        raise InputError(
+            f"{survey}: a meter's table needs the dome that it is of: --scene THEATRE.toml; "
+            "domesim scene new writes one"
+        )
+    return True
+
+
+def _dome_by_meter(
+    table: Path, described: str | None, out: Path, console: Console, *, overwrite: bool
+) -> None:
+    from domesim.measure.dome.meter_report import (  # noqa: PLC0415
+        figures_of,
+        lines_of,
+        measured_scene,
+    )
+    from domesim.measure.dome.meter_table import read_meter_task  # noqa: PLC0415
+    from domesim.measure.dome.meters import metered  # noqa: PLC0415
+
+    assert described is not None
+    scene = load_dome(described)
+    prepare(out, inputs=[table, described], overwrite=overwrite)
+    task = read_meter_task(table, scene, scene_content(described))
+    with about(table):
+        found = metered(task)
+    for line in lines_of(task, found):
+        console.say(line)
+    _say_measured(measured_scene(task, found, out.stem), out, console)
+    finish(console, {"output": str(out), "readings": str(table), **figures_of(found)}, [])
 
 
 def _dome_without_geometry(survey: Path, out: Path, console: Console, *, overwrite: bool) -> None:
@@ -614,8 +742,7 @@ to_right = {to_right}
 )
 
 
-_PHOTOGRAPHED = _scene_text(
-    """\
+_LEAKS = """\
 primaries = {primaries}
 white_cd_m2 = {white!r}
 black_cd_m2 = {black!r}
@@ -626,6 +753,19 @@ to_right = {to_right}
 to_left_error = {to_left_error}
 to_right_error = {to_right_error}
 
+"""
+
+_BY_LUMINANCE = _scene_text(
+    _LEAKS,
+    f"""\
+"projector.primaries" = "assumed: {COLOURS}"
+"projector.white_cd_m2, projector.black_cd_m2, crosstalk" = {{source}}
+""",
+)
+
+_PHOTOGRAPHED = _scene_text(
+    _LEAKS
+    + """\
 [[seats]]
 name = {seat}
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from dataclasses import replace
 from itertools import chain
@@ -27,7 +28,8 @@ from domesim.measure.patterns import Codes, Pattern
 from domesim.measure.patterns.dome import dome_patterns
 from domesim.measure.patterns.listing import NAME as LIST
 from domesim.measure.patterns.listing import Listed, PatternList
-from domesim.measure.patterns.page import GREYS, READINGS, page, tables
+from domesim.measure.patterns.page import page
+from domesim.measure.patterns.sheets import INSTRUMENTS, Sheet
 from domesim.measure.patterns.stereo import stereo_patterns
 from domesim.readings.meter import EYES
 from domesim.room.dome import Dome
@@ -61,6 +63,16 @@ def patterns(
             show_default=False,
         ),
     ] = None,
+    instrument: Annotated[
+        str | None,
+        typer.Option(
+            "--with",
+            metavar="|".join(INSTRUMENTS),
+            help="What you measure with: only its patterns, its page, and the table that domesim "
+            "measure takes. All patterns if none.",
+            show_default=False,
+        ),
+    ] = None,
     levels: Annotated[int, typer.Option(help="Steps of each ramp from black to full.")] = LEVELS,
     file_format: Annotated[
         str, typer.Option("--format", help="exr, png, tif, dpx or jp2.")
@@ -89,14 +101,20 @@ def patterns(
         raise InputError(f"--scene {scene} is for --dome: a 3D screen's patterns need none")
     room = None if scene is None else load_dome(scene)
     shape = Dome(1.0, np.pi / 2) if room is None else room.dome
-    made = dome_patterns(shape, codes, levels) if dome else stereo_patterns(codes, levels)
+    furnished = room is not None and bool(replace(room.theatre, lamps=()).beyond_enclosure)
+    sheet = _sheet(instrument, out, scene, dome=dome, furnished=furnished)
+    whole = dome_patterns(shape, codes, levels) if dome else stereo_patterns(codes, levels)
+    made = tuple(each for each in whole if sheet.wants(each.name, each.kind))
     folders = (out,) if dome else tuple(out / eye for eye in EYES)
     files = {
         pattern.name: [folder / f"{number:04d}_{pattern.name}{suffix}" for folder in folders]
         for number, pattern in enumerate(made, 1)
     }
-    others = (LIST, PAGE, READINGS) if dome else (LIST, PAGE, READINGS, GREYS)
-    prepare(*chain(*files.values()), *(out / name for name in others), inputs=[scene])
+    prepare(
+        *chain(*files.values()),
+        *(out / name for name in (LIST, PAGE, *sheet.names)),
+        inputs=[scene],
+    )
     areas = shape.screen_areas(rows, cols) if dome else np.ones((rows, cols))
     listed = []
     with console.progress("drawing", len(made)) as start:
@@ -124,8 +142,10 @@ def patterns(
         tuple(listed),
     )  # fmt: skip
     written = facts.write(out)
-    write_whole(out / PAGE, page(made, facts).encode())
-    for name, table in tables(facts).items():
+    tables = sheet.files(facts)
+    command = sheet.command(f"{out.as_posix()}/", "mine.toml" if scene is None else scene)
+    write_whole(out / PAGE, page(made, facts, sheet, tables, command=command).encode())
+    for name, table in tables.items():
         write_whole(out / name, table.encode())
     count = len(made) * len(folders)
     console.say(
@@ -133,13 +153,34 @@ def patterns(
         f"{' float' if codes.floating else ''}, {colour.transfer}\n  -> {out}",
         f"Print this first: {out / PAGE}",
     )
-    if room is not None and (more := replace(room.theatre, lamps=()).beyond_enclosure):
+    if tables:
+        console.say(f"Fill in: {', '.join(str(out / name) for name in tables)}")
+    console.say(f"Then: {command}")
+    if furnished and instrument in (None, "dslr"):
+        assert room is not None
+        more = replace(room.theatre, lamps=()).beyond_enclosure
         console.say(
-            f"{room.name} has {', '.join(more)}: measure it with domesim measure dome "
-            "--without-geometry, or describe the room without them"
+            f"{room.name} has {', '.join(more)}: with photographs measure it with domesim measure "
+            "dome --without-geometry, or describe the room without them (domesim scene new --plain)"
         )
-    names = {"list": str(written), "page": str(out / PAGE), "tables": [*tables(facts)]}
+    names = {"list": str(written), "page": str(out / PAGE), "tables": [*tables]}
     finish(console, {"output": str(out), **names, "patterns": len(made), "files": count}, [])
+
+
+def _sheet(
+    instrument: str | None, out: Path, scene: str | None, *, dome: bool, furnished: bool
+) -> Sheet:
+    if instrument is not None and instrument not in INSTRUMENTS:
+        raise InputError(f"--with {instrument}: use one of {', '.join(INSTRUMENTS)}")
+    if instrument == "lux" and not dome:
+        raise InputError(
+            "--with lux is for --dome: a lux meter sees the whole room and not the screen; use "
+            "luminance, colorimeter, spectroradiometer, dslr or eye"
+        )
+    theatre = scene
+    if scene is not None and scene.endswith(".toml"):
+        theatre = Path(os.path.relpath(Path(scene).resolve(), out.resolve())).as_posix()
+    return Sheet(instrument, dome, theatre, furnished)
 
 
 def _written(

@@ -169,9 +169,8 @@ def _traced(
 
         each = seen_by_eyes((each[0], each[-1]), eyes.kept, eyes.leaks)
     if view == "domemaster":
-        black = scene.ambient / scene.projector.white
         for layers in each:
-            layers[""] += black * scene.screen(*layers[""].shape[:2])[..., None]
+            layers[""] += scene.black_frame(*layers[""].shape[:2])
     facts = _of_all([facts for _, facts in traced])
     return [(layers, facts) for layers in each]
 

@@ -55,7 +55,7 @@ def check(
         typer.Option(
             "--out",
             help="Domes: a .png of the screen: how many projectors reach a place (orange: none), "
-            "their blends, and how bright white is. The front of the theatre is at the bottom.",
+            "their blends, and how bright white and black are. The front is at the bottom.",
             show_default=False,
         ),
     ] = None,
@@ -130,8 +130,9 @@ def _dome_figures(
             f"White frame: {decimal(light.white)} cd/m² ({decimal(light.direct)} direct, "
             f"{decimal(light.reflected)} reflected)",
             f"Evenness: the darkest place has {1 / light.uneven:.0%} of the light of the brightest",
-            f"Black frame: {decimal(light.black)} cd/m²; sequential contrast "
+            f"Black frame: {decimal(light.black)} cd/m²{_by_place(light)}; sequential contrast "
             f"{ratio(light.sequential)}",
+            *_lifting(light),
             f"Checkerboard: white fields {decimal(light.lit)}, black fields {decimal(light.dark)} "
             f"cd/m²; contrast {ratio(light.checkerboard)}",
             f"Flux: a white frame takes {light.lumens:,.0f} lm on "
@@ -153,6 +154,24 @@ def _dome_figures(
             f"{_range(min(eyes), max(eyes))} m"
         )
     return figures
+
+
+def _by_place(light: Photometry) -> str:
+    """Says how black differs from place to place, if it does."""
+    least, most = light.blackest
+    if most <= least * (1 + lightmaps.UNEVEN):
+        return ""
+    return f" on average, {_range(least, most)} by place"
+
+
+def _lifting(light: Photometry) -> list[str]:
+    """Advises to hide the edges of overlaps in black, where they are seen."""
+    if light.lift is None:
+        return []
+    return [
+        f"Overlaps in black: their edges are seen. 'even_black = true' under [projector] lifts the "
+        f"rest by {decimal(light.lift)} cd/m² on average, the least that hides them"
+    ]
 
 
 def _range(least: float, most: float) -> str:

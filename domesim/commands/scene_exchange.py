@@ -17,9 +17,9 @@ from domesim.commands.options import Json, Overwrite, Quiet
 from domesim.errors import InputError
 from domesim.host.console import Console
 from domesim.host.writing import prepare, write_together, write_whole
-from domesim.room.masks import written_mask
+from domesim.room.masks import UPLIFT_GAMMA, written_mask
 from domesim.room.theatre import Lens
-from domesim.scene import load_dome
+from domesim.scene import DomeScene, load_dome
 from domesim.scene.loading import scene_content
 from domesim.scene.mpcdi import Region, blend_sums, fitted_sphere, read_mpcdi, written_mpcdi
 from domesim.scene.writing import as_toml
@@ -61,24 +61,27 @@ def import_projectors(
     centre, radius = _screen(regions, file, console)
     radius = base.dome.radius if radius is None else radius
     lenses = [_moved(region.lens, centre) for region in regions]
-    masks = {
-        f"{out.stem}.{number}.mask.png": lens.mask
-        for number, lens in enumerate(lenses, 1)
-        if lens.mask is not None
-    }
+    masks: dict[str, NDArray[np.float64]] = {}
+    for number, lens in enumerate(lenses, 1):
+        if lens.mask is not None:
+            masks[f"{out.stem}.{number}.mask.png"] = lens.mask.weights
+        if lens.uplift is not None:
+            lift = lens.uplift.weights ** (1 / UPLIFT_GAMMA)
+            masks[f"{out.stem}.{number}.uplift.png"] = lift
     content |= {"name": out.stem, "description": f"Projectors of {file.name}, else {base.name}."}
     content["dome"] = {**content["dome"], "radius_m": radius}
-    content["projector"] = {k: v for k, v in content["projector"].items() if k != "lens"}
+    content["projector"] = _projector(content["projector"], base, len(lenses))
+    blacks = content["projector"].pop("units", [{}] * len(lenses))
     content["projector"]["units"] = [
-        _unit(lens, f"{out.stem}.{number}.mask.png", radius)
-        for number, lens in enumerate(lenses, 1)
+        _unit(lens, f"{out.stem}.{number}", radius) | black
+        for number, (lens, black) in enumerate(zip(lenses, blacks, strict=True), 1)
     ]
     prepare(out, *map(out.with_name, masks), inputs=[file, like], overwrite=overwrite)
     sources = {**content.get("sources", {}), "projector.units": f"MPCDI file {file.name}"}
     if regions[0].points is not None:
         sources["dome.radius_m"] = f"fitted to where pixels land, of {file.name}"
     content["sources"] = sources
-    written = [(out.with_name(name), written_mask(mask.weights)) for name, mask in masks.items()]
+    written = [(out.with_name(name), written_mask(mask)) for name, mask in masks.items()]
     text = as_toml(content).encode("utf-8", "surrogateescape")
     with tempfile.TemporaryDirectory(prefix="domesim-") as folder:
         for path, made in (*written, (out, text)):
@@ -135,7 +138,7 @@ def export_projectors(
     pixels = None if chosen is None else (int(chosen[1]), int(chosen[2]))
     date = datetime.now(UTC).strftime("%Y-%m-%d %H:%M:%S")
     try:
-        content = written_mpcdi(theatre.dome, theatre.theatre.lenses, pixels, date)
+        content = written_mpcdi(theatre.theatre, pixels, date)
     except InputError as error:
         raise InputError(f"{scene}: {error}") from None
     write_whole(out, content)
@@ -176,6 +179,20 @@ def _screen(
     return (x, y, z), float(f"{radius:.6g}")
 
 
+def _projector(old: dict[str, Any], base: DomeScene, count: int) -> dict[str, Any]:
+    """What another scene tells of so many projectors, and of each of as many units its black."""
+    kept = {key: old[key] for key in old.keys() - {"lens", "even_black", "units"}}
+    if not any(lens.black for lens in base.theatre.lenses):
+        return kept
+    blacks = [
+        {key: unit[key] for key in ("black_cd_m2", "blends_black") if key in unit}
+        for unit in old["units"]
+    ]
+    if len(blacks) == count:
+        return {**kept, "units": blacks}
+    return {**kept, "black_cd_m2": base.projector.black}
+
+
 def _moved(lens: Lens, centre: tuple[float, float, float]) -> Lens:
     """A lens in a frame whose origin is at `centre`."""
     x, y, z = np.subtract(lens.position, centre).tolist()
@@ -183,7 +200,7 @@ def _moved(lens: Lens, centre: tuple[float, float, float]) -> Lens:
     return replace(lens, position=(x, y, z), look_at=(a, b, c))
 
 
-def _unit(lens: Lens, mask: str, radius: float) -> dict[str, Any]:
+def _unit(lens: Lens, stem: str, radius: float) -> dict[str, Any]:
     """A projector as a scene's file has it."""
     position = np.asarray(lens.position)
     ahead = position + radius * (np.asarray(lens.look_at) - position)
@@ -197,7 +214,8 @@ def _unit(lens: Lens, mask: str, radius: float) -> dict[str, Any]:
         "aspect": round(lens.aspect, _DIGITS),
         "roll_deg": round(float(np.degrees(lens.roll)), _DIGITS) + 0.0,
         **({"shift": shift} if any(shift) else {}),
-        **({"mask": mask} if lens.mask is not None else {}),
+        **({"mask": f"{stem}.mask.png"} if lens.mask is not None else {}),
+        **({"uplift": f"{stem}.uplift.png"} if lens.uplift is not None else {}),
     }
 
 

@@ -18,6 +18,7 @@ threads.
 from __future__ import annotations
 
 import re
+from itertools import pairwise
 from pathlib import Path
 from typing import TypeAlias
 
@@ -39,7 +40,7 @@ def seed_of(path: Path, view: int = 0) -> Seed:
     return (view, *map(int, re.findall(r"[0-9]+", path.stem)))
 
 
-def dither(codes: NDArray[np.float32], largest: int, seed: Seed) -> None:
+def dither(codes: NDArray[np.float32], largest: int, seed: Seed, before: int = 0) -> None:
     """Round `codes`, 0..`largest`, in place, to integers within 0..`largest`.
 
     Parameters
@@ -50,15 +51,20 @@ def dither(codes: NDArray[np.float32], largest: int, seed: Seed) -> None:
         The largest code.
     seed
         As of `seed_of`.
+    before
+        Number of the picture's samples that lie before these.
     """
     # NumPy promises the bits of a generator for all versions, not those of its distributions.
     bits = np.random.PCG64(np.random.SeedSequence(seed))
+    bits.advance(before // 2)
     flat = codes.reshape(-1)
-    for begin in range(0, len(flat), _SAMPLES):
-        part = flat[begin : begin + _SAMPLES]
-        drawn = bits.random_raw((len(part) + 1) // 2).astype("<u8", copy=False)
-        # Two uniform numbers of 16 bits a sample.
-        uniform = drawn.view("<i2")[: 2 * len(part)].astype(np.float32)
+    ends = [*range(_SAMPLES - before % _SAMPLES, len(flat), _SAMPLES), len(flat)]
+    for begin, end in pairwise([0, *ends]):
+        part = flat[begin:end]
+        # Two uniform numbers of 16 bits a sample: two samples of each draw.
+        second = (before + begin) % 2
+        drawn = bits.random_raw((len(part) + second + 1) // 2).astype("<u8", copy=False)
+        uniform = drawn.view("<i2")[2 * second :][: 2 * len(part)].astype(np.float32)
         uniform += np.float32(0.5)
         uniform *= np.float32(1 / 65536)
         first, second = uniform[::2], uniform[1::2]

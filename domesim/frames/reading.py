@@ -54,7 +54,7 @@ from domesim.frames.video import (
     video_size,
 )
 from domesim.host.system import in_memory
-from domesim.light.strips import all_within, converted
+from domesim.light.strips import all_within, converted, in_strips
 
 
 def read_frame(path: str | Path, *, repair: bool = False, colour: Asked | None = None) -> Frame:
@@ -666,13 +666,20 @@ def _code_values(samples: NDArray[Any], bits: int, *, legal: bool = False) -> Pi
         return converted(samples, np.dtype(np.float32))
     # OpenImageIO widens 10 and 12 bits to 16 by repeating the upper bits below.
     unused = 8 * samples.dtype.itemsize - bits
-    codes = samples >> unused if unused else samples
-    pixels = codes.astype(np.float32)
     black, white = code_span(bits, legal=legal)
-    if legal:
-        pixels -= np.float32(black)
-    pixels /= np.float32(white - black)
-    return np.clip(pixels, 0, 1, out=pixels) if legal else pixels
+    pixels = np.empty(samples.shape, np.float32)
+
+    def scale(_: int, some: slice) -> None:
+        part = pixels[some]
+        part[...] = samples[some] >> unused if unused else samples[some]
+        if legal:
+            part -= np.float32(black)
+        part /= np.float32(white - black)
+        if legal:
+            np.clip(part, 0, 1, out=part)
+
+    in_strips(scale, (1, *samples.shape))
+    return pixels
 
 
 def _as_shown(samples: NDArray[Any], layout: Layout) -> NDArray[Any]:

@@ -30,7 +30,7 @@ from domesim.frames.halves import are_sound
 from domesim.frames.integrity import LARGEST_SIDE
 from domesim.frames.orientation import UPRIGHT, turned_back
 from domesim.host.writing import write_whole
-from domesim.light.strips import converted
+from domesim.light.strips import converted, in_strips
 
 
 def write_frame(
@@ -252,14 +252,19 @@ def _encoded_rgb(pixels: Pixels, target: Target, seed: Seed | None) -> NDArray[A
     if target.floating:
         return converted(pixels, dtype_of(kind_of(target.bits, floating=True)))
     black, white = code_span(target.bits, legal=target.legal)
-    scaled = np.multiply(pixels, np.float32(white - black), order="C")
-    if target.legal:
-        scaled += np.float32(black)
-    if seed is None:
-        np.rint(scaled, out=scaled)
-    else:
-        dither(scaled, 2**target.bits - 1, seed)
-    codes: NDArray[Any] = scaled.astype(dtype_of(kind_of(target.bits, floating=False)))
+    codes: NDArray[Any] = np.empty(pixels.shape, dtype_of(kind_of(target.bits, floating=False)))
+
+    def quantise(_: int, some: slice) -> None:
+        scaled = np.multiply(pixels[some], np.float32(white - black), order="C")
+        if target.legal:
+            scaled += np.float32(black)
+        if seed is None:
+            np.rint(scaled, out=scaled)
+        else:
+            dither(scaled, 2**target.bits - 1, seed, some.start * cols * 3)
+        codes[some] = scaled
+
+    in_strips(quantise, (1, *pixels.shape))
     if target.zero_padded:
         codes <<= 4
     elif target.bits in (10, 12):

@@ -2,7 +2,8 @@
 
 Domemasters side by side, the front of the theatre at the bottom: how many projectors reach a
 place, with those that none reaches in orange; the sum of their soft edges, which the projection
-system has to even out; the luminance of a white frame; and the albedo of a screen that has a map,
+system has to even out; the luminance of a white frame, and of a black one if it differs from place
+to place; and the albedo of a screen that has a map,
 in the primaries' colours, over its largest.
 """
 
@@ -20,6 +21,9 @@ from domesim.inspection.photometry import Photometry
 
 SIZE = 440
 """Pixels a side of each domemaster."""
+
+UNEVEN = 0.01
+"""Differences of black up to so much are neither drawn nor told, relative."""
 
 HOLE = (0.84, 0.37, 0.0)
 """Vermilion: also the colour-blind tell it from greys."""
@@ -76,6 +80,13 @@ def _drawers(coverage: Coverage, photometry: Photometry | None) -> list[_Drawer]
         shown = _disc(figure, number, parts, "White frame, cd/m²", values)
         _scale(figure, number, parts, shown, f"brightest over darkest: {photometry.uneven:.3g}")
 
+    def black(figure: Any, number: int, parts: int) -> None:
+        assert photometry is not None
+        values = np.where(coverage.screen, photometry.darkness, np.nan)
+        shown = _disc(figure, number, parts, "Black frame, cd/m²", values)
+        least, most = photometry.blackest
+        _scale(figure, number, parts, shown, f"brightest over darkest: {most / least:.3g}")
+
     def albedo(figure: Any, number: int, parts: int) -> None:
         assert photometry is not None
         assert photometry.albedo is not None
@@ -86,7 +97,9 @@ def _drawers(coverage: Coverage, photometry: Photometry | None) -> list[_Drawer]
 
     if photometry is None:
         return [counts, edges]
-    return [counts, edges, white] + [albedo] * (photometry.albedo is not None)
+    least, most = photometry.blackest
+    uneven = most > least * (1 + UNEVEN) > 0
+    return [counts, edges, white] + [black] * uneven + [albedo] * (photometry.albedo is not None)
 
 
 def _stored(drawers: Sequence[_Drawer]) -> bytes:

@@ -39,6 +39,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from domesim.errors import InputError
+from domesim.room.viewing import large_threshold
 from domesim.scene import DomeScene
 
 Floats = NDArray[np.floating[Any]]
@@ -55,7 +56,6 @@ _ARCMINUTE = float(np.radians(1 / 60))
 _DARKEST, _BRIGHTEST = 1e-5, 1e5  # cd/m²
 _PER_DECADE = 1000
 _R = (5.949e-8, -2.389e-7, 2.459e-7, 4.120e-4, -4.225e-4)
-_C = (9.606e-6, -4.112e-5, 5.019e-5, 4.837e-3, -4.884e-3)
 _RODS = 683 / 1699  # V'(555 nm), of equal energy
 _ROUNDS = 60  # MES2 converges to rounding in fewer
 
@@ -223,7 +223,7 @@ def _tables(area: float, scotopic: float = LAMP) -> tuple[Floats, Floats]:
 
 def _illuminance(B: Floats, area: float) -> Floats:
     """I for F = 1, lux (eqs. 28, 39-44)."""
-    R, C = _of(B, _R) ** 2, _of(B, _C)
+    R, C = _of(B, _R) ** 2, large_threshold(B)
     log = np.log10(B)
     q = np.where(log < np.log10(0.193), 0.6, np.minimum(0.8861 + 0.4 * log, 1.146 - 0.0885 * log))
     return np.asarray(B * (R**q + (area * C) ** q) ** (1 / q))

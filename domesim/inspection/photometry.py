@@ -50,6 +50,11 @@ class Photometry:
         projection system evens them out.
     luminance
         (row, col) of a white frame, cd/m²; 0 off the screen.
+    darkness
+        (row, col) of a black frame, cd/m²; 0 off the screen.
+    lift
+        By how much black would rise, mean over the screen, cd/m², if the projectors hid the edges
+        of their overlaps in it; None if no edge is seen.
     albedo
         (row, col, primary) albedo of a screen with a map, holes counted in; 0 off the screen. None
         if it is the same everywhere.
@@ -63,6 +68,8 @@ class Photometry:
     lumens: float
     evened: tuple[float, float]
     luminance: Floats
+    darkness: Floats
+    lift: float | None = None
     albedo: Floats | None = None
 
     @property
@@ -86,6 +93,12 @@ class Photometry:
         on = self.luminance[self.luminance > 0]
         return float(on.max() / on.min())
 
+    @property
+    def blackest(self) -> tuple[float, float]:
+        """Luminance of a black frame at its darkest place and its brightest, cd/m²."""
+        on = self.darkness[self.luminance > 0]
+        return float(on.min()), float(on.max())
+
     def figures(self) -> dict[str, float | None]:
         """By their names, for programs."""
         albedo: dict[str, float | None] = {}
@@ -97,6 +110,9 @@ class Photometry:
             "white_reflected_cd_m2": self.reflected,
             "white_frame_cd_m2": self.white,
             "black_frame_cd_m2": self.black,
+            "black_least_cd_m2": self.blackest[0],
+            "black_most_cd_m2": self.blackest[1],
+            "black_lift_cd_m2": self.lift,
             "checkerboard_lit_cd_m2": self.lit,
             "checkerboard_dark_cd_m2": self.dark,
             "checkerboard_contrast": self.checkerboard,
@@ -146,8 +162,22 @@ def photometry(scene: DomeScene, size: int) -> Photometry:
         lumens=irradiance * scene.dome.screen_area,
         evened=(float(gains.sum(0)[screen].min()), float(gains.sum(0)[screen].max())),
         luminance=np.where(screen, luminance * scene.projector.white, 0.0),
+        darkness=np.where(screen, scene.projector.luminance(dark)[0], 0.0),
+        lift=_lift(scene),
         albedo=painted,
     )
+
+
+def _lift(scene: DomeScene) -> float | None:
+    """Mean luminance that hides the edges of overlaps in black, cd/m²; None if none is seen."""
+    theatre = scene.theatre
+    if theatre.black_contrast is not None or not any(lens.black for lens in theatre.lenses):
+        return None
+    even = scene.with_even_black()
+    lift = even.projector.black - scene.projector.black
+    seen = even.theatre.black_contrast
+    assert seen is not None
+    return lift if lift > seen * scene.projector.black else None
 
 
 def _boards(scene: DomeScene, size: int) -> list[NDArray[np.bool_]]:

@@ -47,7 +47,7 @@ from domesim.frames.encodings import encoding_named
 from domesim.host.texts import toml_in
 from domesim.light.ties import root_of
 from domesim.measure.edges import found_corners
-from domesim.measure.raws import MOST_CLIPPED, clipped, read_photograph
+from domesim.measure.raws import MOST_CLIPPED, clipped, photograph_named, read_photograph
 from domesim.readings.meter import EYES
 from domesim.readings.tables import text_of
 
@@ -358,6 +358,7 @@ class _Reader:
         return digest.hexdigest()
 
     def _one(self, path: Path) -> Samples:
+        path = photograph_named(path)
         frame = read_photograph(path, self._colour)
         if frame.colour.transfer != "linear":
             raise InputError(

@@ -8,6 +8,7 @@ held.
 
 from __future__ import annotations
 
+import glob
 from pathlib import Path
 from typing import Any
 
@@ -26,8 +27,36 @@ from domesim.frames.reading import read_image
 MOST_CLIPPED = 1e-3
 """Share of pixels: some are stuck in any camera."""
 _LEAST_BITS = 10
+_JPEGS, _NOT_PHOTOGRAPHS = (".jpg", ".jpeg", ".heic", ".heif"), (".xmp", ".json", ".txt", ".pp3")
 _NEARLY = 0.995  # of a full pixel
 _TURNS = {0: 0, 3: 2, 5: 1, 6: 3}  # LibRaw's flip -> quarters, counter-clockwise
+
+
+def photograph_named(path: Path) -> Path:
+    """The photograph that a list names, with or without what its camera calls it after the point.
+
+    Parameters
+    ----------
+    path
+        As it is named: ``white`` finds ``white.NEF``. A JPEG beside a raw file is not meant.
+
+    Raises
+    ------
+    InputError
+        If several files could be meant.
+    """
+    if path.exists():
+        return path
+    there = [
+        each
+        for each in sorted(path.parent.glob(f"{glob.escape(path.name)}.*"))
+        if each.suffix.lower() not in _NOT_PHOTOGRAPHS
+    ]
+    found = [each for each in there if each.suffix.lower() not in _JPEGS] or there
+    if len(found) > 1:
+        names = ", ".join(each.name for each in found)
+        raise InputError(f"{path}: wanted one photograph of that name, got {names}; say which")
+    return found[0] if found else path
 
 
 def read_photograph(path: Path, colour: ColourTag | None = None) -> Frame:

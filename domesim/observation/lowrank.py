@@ -7,7 +7,7 @@ The closed-form dome has one such number a primary (its total flux), a tabulated
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, final
 
@@ -90,6 +90,12 @@ class LowRankObservation(AdjointObservation):
     def __init__(self, factors: LowRank, screen: NDArray[np.bool_]) -> None:
         self._factors, self._screen = factors, screen
         self._cache: dict[tuple[str, ...], LowRank] = {}
+
+    def lit(self, added: NDArray[np.floating]) -> LowRankObservation:
+        """Adds light without a picture: (row, col, primary), as it is seen."""
+        factors = self.factors
+        more = np.moveaxis(added, -1, 0).astype(factors.ambient.dtype)
+        return LowRankObservation(replace(factors, ambient=factors.ambient + more), self._screen)
 
     @property
     def factors(self) -> LowRank:

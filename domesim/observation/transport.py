@@ -20,6 +20,7 @@ projector white, light that is there without a picture, but for projector black)
 
 from __future__ import annotations
 
+import copy
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -403,6 +404,12 @@ class TabulatedDome(AdjointObservation):
     def screen(self) -> NDArray[np.bool_]:
         """(row, col) bool: pixels whose centre is on the screen."""
         return self._screen
+
+    def lit(self, added: Floats) -> TabulatedDome:
+        """Adds light without a picture: (row, col, primary), as it is seen."""
+        dome = copy.copy(self)
+        dome._ambient, dome._kept = self._ambient + np.moveaxis(added, -1, 0), {}
+        return dome
 
     @property
     def coloured(self) -> bool:

@@ -71,7 +71,8 @@ class PathTracedDome(Observation):
     settings
         How accurate, and from which seed.
     black
-        Luminance of a black picture by the projectors themselves, 1.0 = projector white.
+        What is seen of a black picture of the projectors themselves, 1.0 = projector white: of all
+        of the screen, or (row, col, primary).
     eye
         Where the eye is, m in the room's frame; a Lambertian screen looks the same from everywhere.
     tracer
@@ -92,7 +93,7 @@ class PathTracedDome(Observation):
         cols: int,
         settings: Settings | None = None,
         *,
-        black: float = 0.0,
+        black: float | NDArray[np.floating] = 0.0,
         eye: tuple[float, float, float] = CENTRE,
         tracer: Tracer | None = None,
         progress: Progress | None = None,
@@ -170,10 +171,8 @@ class PathTracedDome(Observation):
 
     @cached_property
     def _dark(self) -> NDArray[Any]:
-        """(1, row, col, primary): the projectors' black, as paint shows it."""
-        paint = self._tracer.theatre.paint
-        factors = 1.0 if paint is None else paint.on(*self._screen.shape)
-        return np.asarray(self._black * factors * self._screen[None, :, :, None])
+        """(1, row, col, primary): the projectors' black."""
+        return np.asarray(self._black * self._screen[None, :, :, None])
 
     @cached_property
     def _seen_gain(self) -> NDArray[Any]:

@@ -96,7 +96,7 @@ def read_grey_to_grey(path: str | Path) -> dict[str, MeasuredGreyToGrey]:
     readings: dict[str, dict[tuple[float, float], list[tuple[float, int]]]] = defaultdict(
         lambda: defaultdict(list)
     )
-    for row in table.rows:
+    for row in table.filled(("Y",)):
         eye = table.word(row, "filter", EYES)
         own = table.number(row, "own_level", above=0, below=1, remedy=remedy)
         other = table.number(row, "other_level", above=0, below=1, remedy=remedy)

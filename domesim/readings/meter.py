@@ -168,8 +168,8 @@ class Readings:
         Noise of one reading.
     files
         All that was read.
-    left_out
-        How many rows of mixed colours.
+    left_out, unread
+        How many rows of mixed colours, and how many that were not filled in.
     """
 
     source: str
@@ -178,6 +178,7 @@ class Readings:
     noise: Noise
     files: tuple[Path, ...] = ()
     left_out: int = 0
+    unread: int = 0
 
     @property
     def sessions(self) -> tuple[tuple[str, str], ...]:
@@ -245,7 +246,8 @@ def read_readings(
     light = _light_columns(table)
     known = ("projector", "filter", "channel", "level", *light, "note")
     table.require(known, (*paired, "channel", *light))
-    readings = [reading for row in table.rows if (reading := _reading(table, row))]
+    filled = table.filled(light)
+    readings = [reading for row in filled if (reading := _reading(table, row))]
     if not table.rows:
         table.mistakes.add(0, "wanted rows of readings, got none")
     black = _black(table) if black is None else black
@@ -253,7 +255,15 @@ def read_readings(
     table.mistakes.raise_any()
     if noise is None:
         noise = estimated_noise(_repeats(readings), Noise())
-    return Readings(table.mistakes.source, tuple(readings), black, noise, (path,), table.left_out)
+    return Readings(
+        table.mistakes.source,
+        tuple(readings),
+        black,
+        noise,
+        (path,),
+        table.left_out,
+        len(table.rows) - len(filled),
+    )
 
 
 def _named_tables(path: Path) -> list[dict[str, Any]]:
@@ -331,12 +341,13 @@ def _reading(table: Table, row: Row) -> Reading | None:
         )
     if channel == "K" and level:
         table.mistakes.add(row.line, f"level of K must be 0, got {level:g}; is it another channel?")
-    xyz = _xyz(table, row)
+    xyz = light_of(table, row, _light_columns(table))
     if projector is None or through is None or channel is None or level is None or xyz is None:
         return None
     if level == 0:
         channel = "K"
-    return Reading(projector, through, channel, level, xyz, row.line)
+    x, y, z = xyz
+    return Reading(projector, through, channel, level, (float(x), float(y), float(z)), row.line)
 
 
 def _light_columns(table: Table) -> tuple[str, str, str]:
@@ -346,15 +357,31 @@ def _light_columns(table: Table) -> tuple[str, str, str]:
     return next((name for name in ("Lv", "fL") if name in table.columns), "Y"), "x", "y"
 
 
-def _xyz(table: Table, row: Row) -> tuple[float, float, float] | None:
-    """A reading's X, Y, Z, cd/m²; None and a mistake if it has none."""
-    first, second, third = _light_columns(table)
-    if first == "X":
-        return _three([_light(table, row, column) for column in (first, second, third)])
+def light_of(table: Table, row: Row, columns: Sequence[str]) -> Floats | None:
+    """A reading's light; None and a mistake if it has none.
+
+    Parameters
+    ----------
+    table, row
+        Where it stands.
+    columns
+        ``X, Y, Z``; luminance (``Y``, ``Lv`` or ``fL``), ``x, y``; or one figure alone.
+
+    Returns
+    -------
+    light
+        (channel,) X, Y, Z, or the figure alone; cd/m², or lux.
+    """
+    first, *others = columns
+    if not others or first == "X":
+        values = [_light(table, row, column) for column in columns]
+        known = [value for value in values if value is not None]
+        scale = FOOT_LAMBERT if first == "fL" else 1.0
+        return scale * np.array(known) if len(known) == len(values) else None
     luminance = _light(table, row, first)
     x, y = (
         table.number(row, column, above=0, below=1, remedy="it is a chromaticity of CIE 1931")
-        for column in (second, third)
+        for column in others
     )
     if luminance is None or x is None or y is None:
         return None
@@ -366,16 +393,11 @@ def _xyz(table: Table, row: Row) -> tuple[float, float, float] | None:
         )
         return None
     luminance *= FOOT_LAMBERT if first == "fL" else 1.0
-    return luminance * x / y, luminance, luminance * (1 - x - y) / y
+    return np.array([luminance * x / y, luminance, luminance * (1 - x - y) / y])
 
 
 def _light(table: Table, row: Row, column: str) -> float | None:
     return table.number(row, column, above=0, below=BRIGHTEST, remedy=NOT_LIGHT)
-
-
-def _three(values: Sequence[float | None]) -> tuple[float, float, float] | None:
-    x, y, z = values
-    return None if x is None or y is None or z is None else (x, y, z)
 
 
 def _groups(rows: list[Reading]) -> list[list[Reading]]:

@@ -10,8 +10,8 @@ calibration) is not in it, and cancels in ratios such as crosstalk.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from typing import final
 
 import numpy as np
@@ -20,6 +20,7 @@ from scipy.optimize import minimize
 
 from domesim.errors import InputError
 from domesim.light.ties import ascending
+from domesim.readings.tables import Row, Table
 
 Floats = NDArray[np.float64]
 
@@ -71,14 +72,14 @@ def estimated_noise(repeats: Iterable[Floats], stated: Noise) -> Noise:
     Parameters
     ----------
     repeats
-        (repeat, 3) XYZ of each thing that was read more than once, cd/m².
+        (repeat, channel) of each thing that was read more than once: XYZ or luminance, cd/m².
     stated
         What stands in below `MIN_FREEDOM`.
     """
     groups = [group for group in repeats if len(group) > 1]
     if not groups:
         return stated
-    freedom = np.repeat([len(group) - 1 for group in groups], 3)
+    freedom = np.concatenate([np.full(group.shape[1], len(group) - 1) for group in groups])
     mean = np.concatenate([group.mean(axis=0) for group in groups])
     spread = np.concatenate([group.var(axis=0, ddof=1) for group in groups])
     # Readings that repeat to the last digit tell the digit, not the noise.
@@ -100,3 +101,25 @@ def estimated_noise(repeats: Iterable[Floats], stated: Noise) -> Noise:
     relative, absolute = (max(float(value), 1e-12) for value in np.exp(best))
     count = int(freedom.sum())
     return Noise(relative, absolute, f"from repeated readings, {count} degrees of freedom")
+
+
+def with_digits(noise: Noise, table: Table, rows: Sequence[Row], columns: Sequence[str]) -> Noise:
+    """Noise, and the half digit that a meter's display leaves out.
+
+    Parameters
+    ----------
+    noise
+        Noise of one reading.
+    table, rows
+        Where readings are written.
+    columns
+        The columns of light; the last digit of each column is its finest.
+    """
+    steps = [min(_step(row.cells[name]) for row in rows if name in row.cells) for name in columns]
+    return replace(noise, absolute=float(np.hypot(noise.absolute, max(steps) / np.sqrt(12))))
+
+
+def _step(written: object) -> float:
+    """Step of the last digit of a number."""
+    digits, _, decimals = str(written).strip().lower().partition(".")
+    return 0.0 if "e" in digits + decimals else float(10.0 ** -len(decimals))

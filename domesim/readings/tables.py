@@ -100,6 +100,17 @@ class Table:
                     self.header, f"column {name} is missing; got {', '.join(sorted(self.columns))}"
                 )
 
+    def filled(self, columns: Iterable[str]) -> tuple[Row, ...]:
+        """Rows with something in one of the columns; a mistake if there are rows, but none such."""
+        wanted = set(columns)
+        rows = tuple(row for row in self.rows if wanted & set(row.cells))
+        if self.rows and not rows:
+            self.mistakes.add(
+                self.header,
+                f"wanted readings in {', '.join(columns)}, got a table that nobody has filled in",
+            )
+        return rows
+
     def word(self, row: Row, column: str, allowed: tuple[str, ...]) -> str | None:
         """The cell's word, in the spelling of `allowed`; None and a mistake if it is not one."""
         if column not in self.columns:

@@ -21,6 +21,8 @@ _PIXELS = 1 << 25  # those of 8K
 _FINEST = 1 << 20
 """Pixels of a mask or warp that are kept: of more some are left out, for a blend is smooth."""
 _CODES = 65535
+UPLIFT_GAMMA = 2.2
+"""Codes of an uplift, which is far below white, are to the power of its inverse."""
 
 
 def read_mask(path: Path) -> Mask:

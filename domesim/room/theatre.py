@@ -239,6 +239,12 @@ class Lens:
         width and height: lens shift.
     mask
         A blend of its own, over a rectangular field; besides `blend`.
+    black
+        Direct light of its black where it lights the screen alone, 1.0 = projector white.
+    blends_black
+        Whether what blends its picture dims its black, too: glass or metal in the beam does.
+    uplift
+        What it adds to its black, over a rectangular field, 1.0 = projector white.
     """
 
     name: str
@@ -251,6 +257,9 @@ class Lens:
     blend: float = 0.0
     shift: tuple[float, float] = (0.0, 0.0)
     mask: Mask | None = None
+    black: float = 0.0
+    blends_black: bool = False
+    uplift: Mask | None = None
 
 
 @final
@@ -304,6 +313,9 @@ class Theatre(ByValue):
         Named places to look from.
     paint
         What multiplies the screen's albedo; the same everywhere without it.
+    black_contrast
+        How much black may change within a degree, relative: projectors lift what lies outside their
+        overlaps until it does no more (`domesim.room.unlit`). None if they lift nothing.
     """
 
     dome: Dome
@@ -319,6 +331,7 @@ class Theatre(ByValue):
     corrected: bool = True
     viewpoints: Mapping[str, Viewpoint] = field(default_factory=dict)
     paint: Paint | None = None
+    black_contrast: float | None = None
 
     @property
     def screen_albedo(self) -> Albedo:
@@ -414,8 +427,8 @@ class Theatre(ByValue):
                 reasons.append(f"the {name} hides a part of the screen")
         if self.solids:
             reasons.append(f"things stand in the room ({_names(self.solids)})")
-        if self.lamps:
-            reasons.append(f"lamps are lit ({_names(self.lamps)})")
+        if self.lamps and self.solids:
+            reasons.append(f"things stand in the light of lamps ({_names(self.lamps)})")
         return tuple(reasons)
 
 

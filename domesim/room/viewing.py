@@ -13,6 +13,23 @@ from domesim.room.dome import Dome
 
 SQUARE_DEGREES = np.degrees(1.0) ** 2
 """Square degrees in a steradian."""
+_DARKEST = 1e-5  # cd/m², below which Crumey holds thresholds
+
+
+def large_threshold(luminance: NDArray[np.floating]) -> NDArray[np.floating]:
+    """Contrast at which a large area is just seen against what is around it, forced choice.
+
+    A. Crumey, "Human contrast threshold and astronomical visibility", MNRAS 442, 2600 (2014),
+    eq. 34, C of eqs. 39-44.
+
+    Parameters
+    ----------
+    luminance
+        Of what is around it, cd/m².
+    """
+    B = np.maximum(luminance, _DARKEST)
+    root = np.sqrt(9.606e-6 * B**-0.5 - 4.112e-5 * B**-0.25 + 5.019e-5)
+    return np.asarray(root + 4.837e-3 * B**-0.25 - 4.884e-3)
 
 
 @final

@@ -28,7 +28,7 @@ from domesim.observation.uncertain import SIGMAS, UncertainDome
 from domesim.room import furniture, viewing
 from domesim.room.dome import Dome
 from domesim.room.lenses import lens_gains, seen_gain
-from domesim.room.masks import read_mask
+from domesim.room.masks import UPLIFT_GAMMA, read_mask
 from domesim.room.paint import paint_of
 from domesim.room.theatre import (
     Cavity,
@@ -36,13 +36,15 @@ from domesim.room.theatre import (
     Lamp,
     Lens,
     Lobe,
+    Mask,
     Paint,
     Solid,
     Theatre,
     Viewpoint,
     Wall,
 )
-from domesim.room.viewing import Viewing
+from domesim.room.unlit import lamp_light, projectors_black
+from domesim.room.viewing import Viewing, large_threshold
 from domesim.scene.base import Scene
 from domesim.scene.dome_file import (
     DomeFile,
@@ -156,7 +158,7 @@ class DomeScene(Scene):
 
     @property
     def unlit(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """See `Scene`; a theatre's lamps are none of it."""
+        """See `Scene`: means over the screen; a theatre's lamps are none of it."""
         black, shape = self.projector.black, (self.views, 3)
         return np.full(shape, black), np.full(shape, self.ambient - black)
 
@@ -198,18 +200,77 @@ class DomeScene(Scene):
         InputError
             If it is not square, or smaller than 2 x 2.
         """
+        found, gain = self._evenly_dark(rows, cols)
+        unlit = self._black(rows, cols)
+        stored = self.known is not None and self.known.ambient.any()
+        if self.theatre.lamps and not stored:
+            unlit = lamp_light(self.theatre, rows, cols) + (0.0 if unlit is None else unlit)
+        return found if unlit is None else found.lit(_as_seen(unlit, found, gain))
+
+    def black_frame(self, rows: int, cols: int) -> NDArray[np.float64]:
+        """What is seen of a black picture, over white, but for lamps.
+
+        Parameters
+        ----------
+        rows, cols
+            Size of the domemaster, pixels.
+
+        Returns
+        -------
+        black
+            (row, col, primary); 0 off the screen.
+        """
+        paint = self.theatre.paint
+        even = 1.0 if paint is None else paint.on(rows, cols)
+        black = self._even / self.projector.white * even * self.screen(rows, cols)[..., None]
+        if (unlit := self._black(rows, cols)) is not None:
+            black = black + _as_seen(unlit, *self._evenly_dark(rows, cols))
+        return np.broadcast_to(black, (rows, cols, 3))
+
+    @property
+    def black_differs(self) -> bool:
+        """Whether projectors have a black each, or lift it: then it differs from place to place."""
+        return any(lens.black or lens.uplift is not None for lens in self.theatre.lenses)
+
+    def with_even_black(self) -> DomeScene:
+        """The same theatre with projectors that hide their overlaps' edges in black.
+
+        What they lift black by is the least that does it (`domesim.room.unlit`).
+        """
+        brightest = projectors_black(self.theatre, _COARSE, _COARSE).max() * self.projector.white
+        contrast = float(large_threshold(brightest))
+        return _blackened(replace(self, theatre=replace(self.theatre, black_contrast=contrast)))
+
+    @property
+    def _even(self) -> float:
+        """Luminance that the unlit screen has all over, cd/m²."""
+        by_place = any(lens.black for lens in self.theatre.lenses)
+        return self.ambient - by_place * self.projector.black
+
+    def _black(self, rows: int, cols: int) -> NDArray[np.float64] | None:
+        """(row, col, primary) direct light of projectors' black; None if it has no places."""
+        if not self.black_differs:
+            return None
+        black = projectors_black(self.theatre, rows, cols)
+        return np.repeat(black[..., None], 3, axis=2)
+
+    def _evenly_dark(
+        self, rows: int, cols: int
+    ) -> tuple[LowRankObservation | TabulatedDome, NDArray[np.float64] | None]:
+        """`one_view` without light that has places, and the irradiance by projectors."""
         gains, seen, theatre = None, None, self.theatre
         if theatre.lenses or not theatre.lambertian:
             gains = lens_gains(theatre, rows, cols)
         gain = None if gains is None else gains.sum(0)
-        black = self.ambient / self.projector.white
+        black = self._even / self.projector.white
         if self.known is None and theatre.paint is None:
-            return ClosedFormDome(
+            closed = ClosedFormDome(
                 self.dome, rows, cols, albedo=self.albedo, lens_gain=gain, ambient=black
             )
+            return closed, gain
         if self.known is not None and gains is not None:
             seen = seen_gain(theatre, gains)
-        return (self.known or bare_transport(theatre)).observation(
+        stored = (self.known or bare_transport(theatre)).observation(
             rows,
             cols,
             lens_gain=gain,
@@ -217,6 +278,7 @@ class DomeScene(Scene):
             ambient=black,
             paint=None if theatre.paint is None else theatre.paint.on(rows, cols),
         )
+        return stored, gain
 
     def solvable(self, rows: int, cols: int) -> AdjointObservation:
         """See `Scene`; of a stored transport, the strong modes, unless paint is coloured."""
@@ -316,7 +378,8 @@ class DomeScene(Scene):
             f"{np.degrees(self.dome.half_angle):g}°, screen albedo "
             f"{_by_primary(self.albedo)} (holes counted in){self._painted}",
             "Projector": f"white {self.projector.white:g} cd/m², black "
-            f"{self.projector.black:g} cd/m², {self.projector.primaries} primaries",
+            f"{decimal(self.projector.black)} cd/m²{' on average' * self.black_differs}, "
+            f"{self.projector.primaries} primaries",
             "Light without a picture": self.graded,
             "Model": model,
         }
@@ -470,10 +533,25 @@ class DomeScene(Scene):
         return replace(self, transport=transport)
 
 
+_COARSE = 256
+"""Pixels a side of the domemaster by which means of black are taken."""
 WHITEST = 0.95
 """Albedo of the whitest paint."""
 _SHADOWED = 2e-3
 """Share of the screen that may lie in shadow without a word: what rim pixels amount to."""
+
+
+def _as_seen(
+    unlit: NDArray[np.float64],
+    observation: LowRankObservation | TabulatedDome,
+    gain: NDArray[np.float64] | None,
+) -> NDArray[np.float64]:
+    """(row, col, primary): what is seen of direct light, (row, col, primary) before paint.
+
+    It is what would be seen of the picture that gives this light.
+    """
+    picture = unlit if gain is None else unlit / np.where(gain > 0, gain, 1.0)[..., None]
+    return np.asarray(observation.linear(picture[None])[0])
 
 
 def _by_primary(values: tuple[float, float, float]) -> str:
@@ -510,16 +588,17 @@ def built(file: DomeFile, folder: Path) -> DomeScene:
         weights = Projector(lit.primaries, 1.0).luminance_weights
         irradiance = (lit.lumens or 0.0) / theatre.dome.screen_area / _mean_gain(theatre)
         white = float(weights @ theatre.screen_albedo) * irradiance / np.pi
-    projector = Projector(lit.primaries, white, lit.black_cd_m2, response=response_of(lit))
     # Lamps are known in cd/m², light in units of white.
     lamps = tuple(
         replace(lamp, luminance=three(np.asarray(lamp.luminance) / white)) for lamp in theatre.lamps
     )
-    return DomeScene(
+    blacks = [(unit.black_cd_m2 or 0.0) / white for unit in lit.units]
+    lenses = tuple(map(_darkened, theatre.lenses, blacks)) if lit.units else theatre.lenses
+    scene = DomeScene(
         name=file.name,
         description=file.description,
-        theatre=replace(theatre, lamps=lamps),
-        projector=projector,
+        theatre=replace(theatre, lamps=lamps, lenses=lenses),
+        projector=Projector(lit.primaries, white, lit.black_cd_m2, response=response_of(lit)),
         ambient=lit.black_cd_m2 + file.ambient.luminance_cd_m2,
         grade=file.grade.over(DOMES),
         viewing=viewing.from_dome_centre(theatre.dome, file.viewing.adaptation_cd_m2),
@@ -528,6 +607,27 @@ def built(file: DomeFile, folder: Path) -> DomeScene:
         measured=file.measured,
         stereo=file.stereo,
         sky=file.sky,
+    )
+    if not any(blacks):
+        return scene
+    return scene.with_even_black() if lit.even_black else _blackened(scene)
+
+
+def _darkened(lens: Lens, black: float) -> Lens:
+    return replace(lens, black=black)
+
+
+def _blackened(scene: DomeScene) -> DomeScene:
+    """The scene with the mean of its projectors' blacks, as it is seen on a bare screen."""
+    theatre, white = scene.theatre, scene.projector.white
+    areas = theatre.dome.screen_areas(_COARSE, _COARSE)
+    mean = np.sum(areas * projectors_black(theatre, _COARSE, _COARSE)) / areas.sum()
+    reflected = [bare_gain(rho, theatre.dome) for rho in theatre.screen_albedo]
+    black = float(mean * (1 + scene.projector.luminance_weights @ reflected)) * white
+    return replace(
+        scene,
+        projector=replace(scene.projector, black=black),
+        ambient=scene.ambient - scene.projector.black + black,
     )
 
 
@@ -662,10 +762,12 @@ def _lenses(
 
 
 def _unit(unit: UnitSection, folder: Path, mistakes: Mistakes) -> Lens:
-    mask = None
-    if unit.mask is not None:
-        with mistakes.noted():
+    mask = uplift = None
+    with mistakes.noted():
+        if unit.mask is not None:
             mask = read_mask(folder / unit.mask)
+        if unit.uplift is not None:
+            uplift = Mask(read_mask(folder / unit.uplift).weights ** UPLIFT_GAMMA)
     return Lens(
         unit.name,
         unit.position_m,
@@ -677,6 +779,8 @@ def _unit(unit: UnitSection, folder: Path, mistakes: Mistakes) -> Lens:
         np.radians(unit.blend_deg),
         unit.shift,
         mask,
+        blends_black=unit.blends_black,
+        uplift=uplift,
     )
 
 

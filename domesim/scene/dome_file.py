@@ -234,6 +234,9 @@ class UnitSection(Section):
 
     `shift` is where the middle of its field is, right and up of its axis, in halves of width and
     height. `mask` is a PNG of its blend over the field, in light, beside the scene's file.
+    `black_cd_m2` is its black where no other projector reaches: direct light alone. It fills the
+    field, unless `blends_black`: blends of glass or metal dim black, too. `uplift` is a PNG of what
+    it adds to black, in shares of white, whose codes are to the power of 1/2.2.
     """
 
     name: str
@@ -246,11 +249,17 @@ class UnitSection(Section):
     blend_deg: Annotated[Number, Field(ge=0, le=90)] = 0.0
     shift: tuple[Shift, Shift] = (0.0, 0.0)
     mask: str | None = None
+    black_cd_m2: NoLuminance | None = None
+    blends_black: StrictBool = False
+    uplift: str | None = None
 
     @model_validator(mode="after")
     def _possible(self) -> Self:
-        if self.kind == "equidistant" and (any(self.shift) or self.mask is not None):
-            raise ValueError("shift and mask: are of a perspective lens, with a rectangular field")
+        rectangular = any(self.shift) or self.mask is not None or self.uplift is not None
+        if self.kind == "equidistant" and rectangular:
+            raise ValueError(
+                "shift, mask and uplift: are of a perspective lens, with a rectangular field"
+            )
         if self.kind == "perspective" and self.field_deg >= 175:
             raise ValueError(
                 f"field_deg: a perspective lens sees less than 175 degrees, got {self.field_deg:g}"
@@ -269,11 +278,14 @@ class ProjectorSection(Section):
     """The projector, on the screen.
 
     White is direct light alone, as a small white patch shows it: a full white frame is brighter
-    by its own cross-reflection. Black is a full black frame, as it is seen. Primaries are BT.709,
-    P3-D65, P3-DCI, BT.2020, or any RGB colour space of the package colour-science. Response is
-    what the projector makes of levels, by whatever file or pipe they come: "bt1886", "srgb", an
-    exponent such as "2.2", or pairs of code and light from 0 to 1. Without it files say their
-    curves, or what is usual for them counts.
+    by its own cross-reflection. Black is a full black frame, as it is seen, and the same all over
+    the screen; of projectors whose overlaps are brighter, each unit has its own instead.
+    `even_black` says that the projectors lift black outside their overlaps, as little as hides the
+    edges of these: `domesim scene export` writes that for them. Primaries are BT.709, P3-D65,
+    P3-DCI, BT.2020, or any RGB colour space of the package colour-science. Response is what the
+    projector makes of levels, by whatever file or pipe they come: "bt1886", "srgb", an exponent
+    such as "2.2", or pairs of code and light from 0 to 1. Without it files say their curves, or
+    what is usual for them counts.
     """
 
     primaries: str = "BT.709"
@@ -281,6 +293,7 @@ class ProjectorSection(Section):
     lumens: Annotated[Number, Field(gt=0, le=1e7)] | None = Field(None, validate_default=True)
     black_cd_m2: NoLuminance = 0.0
     response: Response | None = None
+    even_black: StrictBool = False
     lens: LensSection = LensSection()
     units: tuple[UnitSection, ...] = ()
 
@@ -299,6 +312,14 @@ class ProjectorSection(Section):
     def _possible(self) -> Self:
         if self.units and any(self.lens.position_m):
             raise ValueError("lens.position_m: is for one projector; with units, place each unit")
+        blacks = [unit.black_cd_m2 is not None for unit in self.units]
+        if any(blacks) and not all(blacks):
+            missing = [u.name for u in self.units if u.black_cd_m2 is None]
+            raise ValueError(f"units: black_cd_m2 is missing of {', '.join(missing)}")
+        if any(blacks) and self.black_cd_m2:
+            raise ValueError("black_cd_m2: contradicts that of the units: give one of the two")
+        if self.even_black and not any(blacks):
+            raise ValueError("even_black: needs black_cd_m2 of each of units, got none")
         if self.white_cd_m2 is not None:
             Projector(self.primaries, self.white_cd_m2, self.black_cd_m2)
         return self
@@ -512,9 +533,11 @@ class DomeFile(Section):
         parts |= {"stereo", "sky", "grade"}  # what one view's light does is stored
         left: dict[str, Any] = {**dict.fromkeys(parts, True), "screen": {"albedo_map"}}
         content = self.model_dump(mode="json", exclude=left, warnings=False)
-        for key in ("black_cd_m2", "response"):
+        for key in ("black_cd_m2", "even_black", "response"):
             content["projector"].pop(key)
         for unit in content["projector"]["units"]:
+            for key in ("black_cd_m2", "blends_black", "uplift"):
+                unit.pop(key)
             for key, usual in (("shift", [0.0, 0.0]), ("mask", None)):
                 if unit[key] == usual:
                     unit.pop(key)

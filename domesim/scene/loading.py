@@ -121,8 +121,8 @@ def scene_content(name_or_path: str | Path) -> dict[str, Any]:
         whole = [str((folder / each).resolve()) for each in ([named] if alone else named)]
         screen["albedo_map"] = whole[0] if alone else whole
     for unit in content.get("projector", {}).get("units", []):
-        if "mask" in unit:
-            unit["mask"] = str((folder / unit["mask"]).resolve())
+        for key in {"mask", "uplift"} & unit.keys():
+            unit[key] = str((folder / unit[key]).resolve())
     return content
 
 

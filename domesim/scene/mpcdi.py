@@ -1,7 +1,8 @@
 """Projectors and their blends as calibration programs exchange them: MPCDI (VESA, 2.0).
 
 A file is a zip of ``mpcdi.xml`` and what it names: for each projector ("region") an alpha map, a
-PNG of what share of its light each pixel sends, and a geometry warp, a PFM of where on the screen
+PNG of what share of its light each pixel sends, a beta map, a PNG of how far it lifts black (a
+picture x is sent as α x (1 - β) + β, in light), and a geometry warp, a PFM of where on the screen
 each pixel lands. Profile "sl" says where a projector stands (``coordinateFrame``, whose axes of
 yaw, pitch and roll are down, right and forward), how it is turned, and between which angles its
 light leaves it (``frustum``). Yaw is to the right, pitch up, roll clockwise as the projector sees
@@ -14,8 +15,8 @@ import io
 import re
 import xml.etree.ElementTree as ET
 import zipfile
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import final
 
@@ -28,8 +29,9 @@ from domesim.host.files import read_plain
 from domesim.room.beams import lands, on_screen
 from domesim.room.dome import Dome
 from domesim.room.lenses import field_edges, field_weight, lens_frame
-from domesim.room.masks import grey_of, thinned, written_mask
-from domesim.room.theatre import Lens, Mask
+from domesim.room.masks import UPLIFT_GAMMA, grey_of, thinned, written_mask
+from domesim.room.theatre import Lens, Mask, Theatre
+from domesim.room.unlit import uplift
 
 Floats = NDArray[np.float64]
 
@@ -60,7 +62,8 @@ class Region:
         Columns and rows of its picture.
     lens
         Where it stands, m, how it is turned, and its field, in the file's own frame, x to the
-        right, y to the front and z up. With a mask if the file has an alpha map.
+        right, y to the front and z up. With a mask if the file has an alpha map, and with an uplift
+        if it has a beta map.
     points
         (row, col, xyz) where its pixels land, m, in that frame; None if the file does not say. Not
         finite where they land nowhere.
@@ -204,14 +207,15 @@ def _region(package: _Package, node: ET.Element, files: ET.Element | None) -> Re
     shift = (high + low) / (high - low)
     plain = _lens(name, position, _turned(angles), half, (float(shift[0]), float(shift[1])))
     points = None if files is None else _points(package, files, turn, where)
-    alpha = None if files is None else _alpha(package, files, where)
-    if alpha is None:
-        return Region(name, (size[0], size[1]), plain, points)
-    mask = Mask(_over_field(alpha, points, plain))
-    return Region(
-        name, (size[0], size[1]), _lens(name, position, _turned(angles), half, plain.shift, mask),
-        points,
-    )  # fmt: skip
+    maps = {
+        kind: None if files is None else _map(package, files, kind, where)
+        for kind in ("alphaMap", "betaMap")
+    }
+    mask, lift = (
+        None if found is None else Mask(_over_field(found, points, plain))
+        for found in maps.values()
+    )
+    return Region(name, (size[0], size[1]), replace(plain, mask=mask, uplift=lift), points)
 
 
 def _told(frustum: ET.Element) -> str:
@@ -224,7 +228,6 @@ def _lens(
     axes: tuple[Floats, Floats],
     half: Floats,
     shift: tuple[float, float],
-    mask: Mask | None = None,
 ) -> Lens:
     """A lens whose right and forward are `axes`, and half of its field `half`, 1 m ahead."""
     right, forward = axes
@@ -240,7 +243,6 @@ def _lens(
         float(2 * np.arctan(half[0])),
         float(half[0] / half[1]),
         shift=shift,
-        mask=mask,
     )
 
 
@@ -296,13 +298,17 @@ def _named(files: ET.Element, kind: str) -> tuple[ET.Element, str] | None:
     return None if node is None or not path else (node, path)
 
 
-def _alpha(package: _Package, files: ET.Element, where: str) -> Floats | None:
-    """(row, col) share of light: the codes to the power of the gamma that is in them."""
-    found = _named(files, "alphaMap")
+def _map(package: _Package, files: ET.Element, kind: str, where: str) -> Floats | None:
+    """(row, col) share of light: the codes to the power of the gamma that is in the alpha map's.
+
+    The standard names no gamma of beta maps. Epic's nDisplay takes that of the alpha map, too.
+    """
+    found = _named(files, kind)
     if found is None:
         return None
-    node, name = found
-    gamma = _number(package, node.findtext("gammaEmbedded") or "1", f"gammaEmbedded of {where}")
+    _, name = found
+    text = files.findtext("alphaMap/gammaEmbedded") or "1"
+    gamma = _number(package, text, f"gammaEmbedded of {where}")
     if not 0.1 <= gamma <= 10:
         raise package.damaged(f"a gamma of {gamma:g} for {where}")
     codes = grey_of(package.read(name), f"{package.path}: {name}")
@@ -402,17 +408,16 @@ def fitted_sphere(points: Floats) -> tuple[Floats, float, float]:
 # Writing.
 
 
-def written_mpcdi(
-    dome: Dome, lenses: Sequence[Lens], size: tuple[int, int] | None, date: str
-) -> bytes:
-    """The file of a dome's projectors: profile "sl", alpha maps of 16 bits in light, warps in m.
+def written_mpcdi(theatre: Theatre, size: tuple[int, int] | None, date: str) -> bytes:
+    """The file of a dome's projectors: profile "sl", maps of 16 bits, warps in m.
+
+    Alpha maps are linear in light. Where projectors lift black, there are beta maps; both are to
+    the power of 1/2.2 then.
 
     Parameters
     ----------
-    dome
-        The screen.
-    lenses
-        The projectors; their blends are made to sum to 1 on it.
+    theatre
+        The screen and its projectors; their blends are made to sum to 1 on it.
     size
         Columns and rows of each; None for 1920 columns and what rows their fields need.
     date
@@ -423,6 +428,9 @@ def written_mpcdi(
     InputError
         If there is none, or one is a fisheye.
     """
+    dome, lenses = theatre.dome, theatre.lenses
+    lifts = theatre.black_contrast is not None or any(lens.uplift is not None for lens in lenses)
+    gamma = UPLIFT_GAMMA if lifts else 1.0
     for lens in lenses:
         if lens.kind != "perspective":
             raise InputError(
@@ -442,11 +450,15 @@ def written_mpcdi(
             cols, rows = size or (1920, max(1, round(1920 / lens.aspect)))
             points = landing(dome, lens, rows, cols)
             alpha = _blend(points, lens, lenses)
-            names = f"alpha{number}.png", f"warp{number}.pfm"
-            _put(package, names[0], written_mask(alpha))
+            names = {"warp": f"warp{number}.pfm", "alpha": f"alpha{number}.png"}
+            _put(package, names["alpha"], written_mask(alpha ** (1 / gamma)))
+            if lifts:
+                names["beta"] = f"beta{number}.png"
+                beta = projected_uplift(theatre, lens, points, alpha)
+                _put(package, names["beta"], written_mask(beta ** (1 / gamma)))
             points[~on_screen(dome, points)] = np.nan
-            _put(package, names[1], _written_pfm(points))
-            _describe(buffer, files, lens, (cols, rows), names)
+            _put(package, names["warp"], _written_pfm(points))
+            _describe(buffer, files, lens, (cols, rows), names, gamma)
         ET.indent(root, "    ")
         content = ET.tostring(root, encoding="utf-8", xml_declaration=True)
         _put(package, "mpcdi.xml", content)
@@ -476,6 +488,17 @@ def _blend(points: Floats, lens: Lens, lenses: Sequence[Lens]) -> Floats:
     return np.asarray(field_weight(lens, points) / np.where(total > 0, total, 1.0))
 
 
+def projected_uplift(theatre: Theatre, lens: Lens, points: Floats, share: Floats) -> Floats:
+    """(...): what a projector adds to its black at points (..., xyz), over white.
+
+    It is its own uplift, and its `share` of what hides the edges of overlaps.
+    """
+    lift = share * uplift(theatre, points)
+    if lens.uplift is not None:
+        lift += field_weight(replace(lens, blend=0.0, mask=lens.uplift), points)
+    return np.where(on_screen(theatre.dome, points), np.clip(lift, 0, 1), 0.0)
+
+
 def blend_sums(dome: Dome, lenses: Sequence[Lens], size: int = 256) -> tuple[float, float]:
     """Least and largest sum of what projectors send to a place of the screen that one reaches."""
     points = dome.points(size, size)
@@ -494,7 +517,8 @@ def _describe(
     files: ET.Element,
     lens: Lens,
     size: tuple[int, int],
-    names: tuple[str, str],
+    names: Mapping[str, str],
+    gamma: float,
 ) -> None:
     """What the XML says of a projector."""
     region = ET.SubElement(
@@ -516,11 +540,13 @@ def _describe(
         _texts(frame, zip((f"{name}{axis}" for axis in "xyz"), vector, strict=True))
     entry = ET.SubElement(files, "fileset", region=lens.name)
     warp = ET.SubElement(entry, "geometryWarpFile")
-    _texts(warp, (("path", names[1]), ("interpolation", "linear"), ("geometricUnit", "m"),
+    _texts(warp, (("path", names["warp"]), ("interpolation", "linear"), ("geometricUnit", "m"),
                   ("originOf3DData", "idealEyePoint")))  # fmt: skip
     alpha = ET.SubElement(entry, "alphaMap")
-    _texts(alpha, (("path", names[0]), ("componentDepth", "1"), ("bitDepth", "16"),
-                   ("gammaEmbedded", "1.0")))  # fmt: skip
+    grey = ("componentDepth", "1"), ("bitDepth", "16")
+    _texts(alpha, (("path", names["alpha"]), *grey, ("gammaEmbedded", f"{gamma:.1f}")))
+    if "beta" in names:
+        _texts(ET.SubElement(entry, "betaMap"), (("path", names["beta"]), *grey))
 
 
 def _texts(node: ET.Element, values: Iterable[tuple[str, str | float]]) -> None:

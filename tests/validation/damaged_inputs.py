@@ -17,6 +17,7 @@ import sys
 import zipfile
 import zlib
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -71,11 +72,11 @@ READERS: dict[str, Callable[[Path], object]] = {
 
 def sound_inputs(folder: Path) -> None:
     """One of each kind; the study is there."""
-    dome = load_dome(SCENE).theatre.dome
+    theatre = load_dome(SCENE).theatre
     tables, core = np.ones((2, 9, 9)), np.ones((3, 2, 2))
-    Transport(dome, tables, core, 0 * core, np.zeros((3, 9, 9))).save(folder / "a.npz")
-    lenses = load_dome("dome_dark").theatre.lenses
-    (folder / "a.mpcdi").write_bytes(written_mpcdi(dome, lenses[:2], (16, 10), "2026-01-01"))
+    Transport(theatre.dome, tables, core, 0 * core, np.zeros((3, 9, 9))).save(folder / "a.npz")
+    two = replace(theatre, lenses=load_dome("dome_dark").theatre.lenses[:2])
+    (folder / "a.mpcdi").write_bytes(written_mpcdi(two, (16, 10), "2026-01-01"))
     import scenes  # noqa: PLC0415
 
     scene = Path(scenes.__file__).with_name(f"{SCENE}.toml").read_bytes()

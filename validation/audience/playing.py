@@ -12,19 +12,16 @@ import http.server
 import re
 from http import HTTPStatus
 from pathlib import Path
-from typing import Any
 
 from pydantic import ValidationError
 
-from domesim.errors import InputError, reason
+from domesim.errors import InputError
 from domesim.frames import write_whole
 from domesim.host.files import read_plain
+from domesim.host.serving import OwnPage, listening
 from validation.audience.files import ANSWERS, LARGEST, Answers, Study, require_of
 
-NAMES = ("127.0.0.1", "localhost")
-"""Names of this machine in the page's address."""
 _PICTURE = re.compile(r"/pictures/[A-Za-z0-9_.-]+\.png")
-_LENGTH = re.compile(r"[0-9]{1,9}", re.ASCII)
 _VIEWER = re.compile(r"/answers/([0-9]{1,4})")
 
 
@@ -48,12 +45,7 @@ def server(folder: Path, study: Study, port: int = 0) -> http.server.ThreadingHT
         pass
 
     Handler.folder, Handler.study = folder, study
-    try:
-        return http.server.ThreadingHTTPServer(("127.0.0.1", port), Handler)
-    except OSError as error:
-        raise InputError(
-            f"--port {port}: wanted to listen there, got '{reason(error)}'; name another"
-        ) from error
+    return listening(Handler, port)
 
 
 def answers_path(folder: Path, viewer: int) -> Path:
@@ -61,36 +53,11 @@ def answers_path(folder: Path, viewer: int) -> Path:
     return folder / ANSWERS / f"viewer-{viewer:03}.json"
 
 
-class _Handler(http.server.BaseHTTPRequestHandler):
+class _Handler(OwnPage):
     folder: Path
     study: Study
 
-    def parse_request(self) -> bool:
-        """Refuses what another site's page asks in the same browser.
-
-        Such a page may have a name of its own that leads to this machine: its Host is another one.
-        """
-        if not super().parse_request():
-            return False
-        port = self.connection.getsockname()[1]
-        hosts = {f"{name}:{port}" for name in NAMES}
-        said = self.headers.get_all("Host", [])
-        origins = self.headers.get_all("Origin", [])
-        own = {f"http://{each}" for each in hosts}
-        if len(said) == 1 and said[0].lower() in hosts and set(origins) <= own:
-            return True
-        self._say(HTTPStatus.BAD_REQUEST)
-        return False
-
-    def end_headers(self) -> None:
-        """Adds what holds for all that is sent: it is for this page alone."""
-        self.send_header("Cache-Control", "no-store")
-        self.send_header("Content-Security-Policy", "frame-ancestors 'none'")
-        self.send_header("Cross-Origin-Resource-Policy", "same-origin")
-        self.send_header("X-Content-Type-Options", "nosniff")
-        super().end_headers()
-
-    def do_GET(self) -> None:
+    def do_GET(self) -> None:  # noqa: N802 - http.server's name
         """Give the page, a picture, or a viewer's answers so far."""
         asked = self.path.partition("?")[0]
         if asked == "/":
@@ -102,29 +69,26 @@ class _Handler(http.server.BaseHTTPRequestHandler):
             if path.is_file():
                 self._give(path, "application/json")
             else:
-                self._say(HTTPStatus.NO_CONTENT)
+                self.say(HTTPStatus.NO_CONTENT)
         else:
-            self._say(HTTPStatus.NOT_FOUND)
+            self.say(HTTPStatus.NOT_FOUND)
 
-    def do_POST(self) -> None:
+    def do_POST(self) -> None:  # noqa: N802 - http.server's name
         """Keep a viewer's answers."""
         match = _VIEWER.fullmatch(self.path)
-        length = self.headers.get("Content-Length", "")
-        size = int(length) if _LENGTH.fullmatch(length) else 0
-        if match is None or not 0 < size <= LARGEST:
-            self.close_connection = True  # what follows is not read
-            self._say(HTTPStatus.BAD_REQUEST)
+        if (content := self.posted(LARGEST if match else 0)) is None:
             return
+        assert match is not None
         try:
-            given = Answers.model_validate_json(self.rfile.read(size))
+            given = Answers.model_validate_json(content)
             require_of(given, self.study, self.path)
             if given.viewer != int(match[1]):
                 raise InputError("another viewer's")
             self._keep(given)
         except (InputError, ValidationError, OSError):
-            self._say(HTTPStatus.CONFLICT)
+            self.say(HTTPStatus.CONFLICT)
         else:
-            self._say(HTTPStatus.NO_CONTENT)
+            self.say(HTTPStatus.NO_CONTENT)
 
     def _keep(self, given: Answers) -> None:
         """Write answers, unless others would be lost."""
@@ -140,18 +104,6 @@ class _Handler(http.server.BaseHTTPRequestHandler):
         try:
             content = read_plain(path)
         except (InputError, OSError):
-            self._say(HTTPStatus.NOT_FOUND)
+            self.say(HTTPStatus.NOT_FOUND)
             return
-        self.send_response(HTTPStatus.OK)
-        self.send_header("Content-Type", kind)
-        self.send_header("Content-Length", str(len(content)))
-        self.end_headers()
-        self.wfile.write(content)
-
-    def _say(self, status: HTTPStatus) -> None:
-        self.send_response(status)
-        self.send_header("Content-Length", "0")
-        self.end_headers()
-
-    def log_message(self, format: str, *args: Any) -> None:  # noqa: A002 - http.server's name
-        """Nothing: each picture would be a line."""
+        self.give(content, kind)

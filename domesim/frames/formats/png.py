@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import struct
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, BinaryIO, Self, final
@@ -67,13 +67,16 @@ class PNG(Format):
     def _followed(self, path: Path, file: BinaryIO, until: bytes = b"") -> Self:
         """Check all chunks up to IEND, or before the first of a kind."""
         colour, carried, picture, eyes = b"", b"", _Picture(), None
+        others = [_START]  # than those of pixels
         for kind, chunk in chunks_of(file.read()):
             if kind == until:
                 break
-            if zlib.crc32(chunk[4:-4]) != int.from_bytes(chunk[-4:]):
+            if isal_zlib.crc32(memoryview(chunk)[4:-4]) != int.from_bytes(chunk[-4:]):
                 name = kind.decode("ascii", "replace")
                 raise DamagedError(f"a wrong checksum in chunk {name!r}")
             picture.add(kind, chunk[8:-4])
+            if kind not in (b"IDAT", b"IEND"):
+                others.append(chunk)
             if kind == b"acTL":
                 raise animated(path)
             if kind == b"sTER":
@@ -88,7 +91,8 @@ class PNG(Format):
                 break
         else:
             raise DamagedError("one that ends early")
-        return replace(self, colour_chunks=colour, carried=carried, eyes=eyes)
+        said = replace(self, colour_chunks=colour, carried=carried, eyes=eyes)
+        return said if until else replace(said, stored_anew=picture.anew(others))
 
     def _colour(self, path: Path, spec: Any) -> ColourTag:
         chunks = dict(chunks_of(_START + self.colour_chunks))
@@ -251,6 +255,8 @@ _PASSES = (
 _CRITICAL = (b"PLTE", b"IDAT", b"IEND")  # and IHDR
 _LAST_FILTER = 4
 _BLOCK = 1 << 16
+_MOST_KEPT = 1 << 29  # bytes of pixels
+_DEFLATED, _LONGEST = b"\x78\x01", 0xFFFF  # begin of a stream, bytes of a block (RFC 1950, 1951)
 _WHOLE_WINDOW = 7  # in a stream's first byte: 32 kB (RFC 1950, 2.2)
 
 
@@ -263,6 +269,7 @@ class _Picture:
         self._missing: list[tuple[int, int]] = []  # of passes: bytes of a line, bytes to come
         self._pixels: Any = None
         self._step = _BLOCK
+        self._inflated: list[bytes] | None = []
 
     def add(self, kind: bytes, content: bytes) -> None:
         """Take the next chunk: not if it is impossible, or too little came before the last one."""
@@ -295,9 +302,32 @@ class _Picture:
             if width > 0 and height > 0:
                 line = 1 + (width * depth * _CHANNELS[colour] + 7) // 8
                 self._missing.append((line, line * height))
+        if sum(missing for _, missing in self._missing) > _MOST_KEPT:
+            self._inflated = None
+
+    def anew(self, others: Sequence[bytes]) -> bytes | None:
+        """The whole PNG, its pixels not compressed: libpng inflates three times as slowly.
+
+        None of a large one.
+        """
+        if self._inflated is None:
+            return None
+        stored = b"".join(self._inflated)
+        parts: list[bytes | memoryview[int]] = [b"IDAT", _DEFLATED]
+        for begin in range(0, len(stored), _LONGEST):
+            block = memoryview(stored)[begin : begin + _LONGEST]
+            last = begin + _LONGEST >= len(stored)
+            parts += (struct.pack("<BHH", last, len(block), len(block) ^ _LONGEST), block)
+        parts.append(isal_zlib.adler32(stored).to_bytes(4))
+        length = sum(map(len, parts)) - len(b"IDAT")
+        checksum = 0
+        for part in parts:
+            checksum = isal_zlib.crc32(part, checksum)
+        whole = (length.to_bytes(4), *parts, checksum.to_bytes(4))
+        return b"".join([*others, *whole, chunk(b"IEND", b"")])
 
     def _inflate(self, content: bytes) -> None:
-        """Look, and forget: libpng will do it again, but slower."""
+        """Look at what libpng will see."""
         if self._pixels is None:
             self._pixels = isal_zlib.decompressobj()
             if content[0] >> 4 < _WHOLE_WINDOW:
@@ -311,6 +341,8 @@ class _Picture:
             except (zlib.error, IsalError) as error:  # type: ignore[misc]  # as its stub has it
                 raise DamagedError("pixels that do not decode") from error
             content, left = self._pixels.unconsumed_tail, inflated
+            if self._inflated is not None:
+                self._inflated.append(inflated)
             while left and self._missing:
                 left = self._follow(left)
 

@@ -65,7 +65,7 @@ from domesim.measure.dome.photographs import Photographs
 from domesim.measure.dome.registration import Registered, registered
 from domesim.measure.dome.spots import Reading
 from domesim.measure.patterns.listing import read_patterns
-from domesim.measure.raws import MOST_CLIPPED, clipped, read_photograph
+from domesim.measure.raws import MOST_CLIPPED, clipped, photograph_named, read_photograph
 from domesim.scene import DomeScene, load_dome
 from domesim.scene.fields import Number, Place, Section, three
 from domesim.scene.loading import scene_content
@@ -236,6 +236,11 @@ class Task:
     errors: Errors
     digests: Mapping[str, str]
 
+    @property
+    def absolute(self) -> bool:
+        """Whether white is found in cd/m²."""
+        return self.file.absolute
+
 
 def read_survey(path: Path, *, plain: bool = False) -> Task:
     """Read a survey file and what it names.
@@ -288,9 +293,9 @@ def read_survey(path: Path, *, plain: bool = False) -> Task:
         },
         errors=Errors(**file.errors.model_dump()),
         digests={
-            name: hashlib.sha256((folder / name).read_bytes()).hexdigest()
+            name: hashlib.sha256(found.read_bytes()).hexdigest()
             for name in files
-            if (folder / name).is_file()
+            if (found := photograph_named(folder / name)).is_file()
         },
     )
 
@@ -346,7 +351,7 @@ def _camera(section: CameraSection, scene: DomeScene) -> Camera:
 
 def _registered(section: CameraSection, folder: Path, scene: DomeScene) -> Registered:
     assert section.registration is not None
-    path = folder / section.registration
+    path = photograph_named(folder / section.registration)
     listed = read_patterns(folder / section.patterns)
     dots = [each for each in listed.patterns if each.kind == "registration"]
     dome = scene.dome
@@ -379,6 +384,7 @@ def _patterns(paths: list[Path], scene: DomeScene) -> Floats:
 
 def _light(path: Path, camera: CameraSection, *, measured: bool = True) -> Floats:
     """(row, col, primary) raw linear values of a photograph; of places only, it may be clipped."""
+    path = photograph_named(path)
     frame = read_photograph(path, encoding_named("linear"))
     said = frame.header.colour
     if said is not None and not said.assumed and said.transfer != "linear":

@@ -414,7 +414,7 @@ class _Problem:
     def answers(self, solution: OptimizeResult, noise: float, *, profile: bool) -> Survey:
         """The fitted figures, and which of them the data leave open."""
         x, jacobian = solution.x, solution.jac
-        covariance = _inverse(jacobian, self._scales())
+        covariance = inverse(jacobian, self._scales())
         spread = np.sqrt(np.diag(covariance))
         figures = self._parameter_of
         error = spread[figures]
@@ -682,12 +682,22 @@ def _range(values: Floats, seen: NDArray[np.bool_]) -> Floats:
     return np.asarray(np.where(seen.any(0), high - low, 0.0))
 
 
-def _inverse(jacobian: Floats, scales: Floats) -> Floats:
-    """(J'J)^-1 by the SVD of the scaled Jacobian.
+def inverse(jacobian: Floats, scales: Floats) -> Floats:
+    """(J'J)^-1 by the SVD of the scaled Jacobian: the covariance of what was fitted.
 
     A direction without any weight has a large, not an infinite, variance: that of a change which is
     a million times what is plausible.
+
+    Parameters
+    ----------
+    jacobian
+        (residual, parameter) of whitened residuals.
+    scales
+        (parameter,) what each may plausibly differ by.
     """
-    _, values, rows = np.linalg.svd(jacobian * scales, full_matrices=False)
+    # Fewer residuals than parameters leave directions without any weight, too.
+    missing = max(0, jacobian.shape[1] - jacobian.shape[0])
+    whole = np.pad(jacobian * scales, ((0, missing), (0, 0)))
+    _, values, rows = np.linalg.svd(whole, full_matrices=False)
     turned = rows / np.maximum(values, 1e-6)[:, None]
     return np.asarray((turned.T @ turned) * np.outer(scales, scales))

@@ -22,7 +22,7 @@ Floats = NDArray[np.float64]
 def lines_of(task: Task, survey: Survey) -> list[str]:
     """What was found, for a person."""
     lines = [] if task.registered is None else [task.registered.in_words()]
-    unit = "cd/m²" if task.file.absolute else "of the photographs' unit"
+    unit = "cd/m²" if task.absolute else "of the photographs' unit"
     for name, value, error, answered in zip(
         survey.names, survey.value, survey.error, survey.answered, strict=True
     ):
@@ -31,7 +31,18 @@ def lines_of(task: Task, survey: Survey) -> list[str]:
             for p, v, e, good in zip("RGB", value, error, answered, strict=True)
         ]
         what = f"white, direct light alone ({unit})" if name == GAIN else f"{name} albedo"
-        lines.append(f"{what}: {', '.join(parts)}")
+        share = task.scene.theatre.perforation if name == "screen" else 0.0
+        holes = f", its holes counted in ({share:.0%} of it)" if share else ""
+        lines.append(f"{what}{holes}: {', '.join(parts)}")
+        if share and answered.all():
+            kept = 1 - share
+            lines.append(
+                "  of the paint between the holes: "
+                + ", ".join(
+                    f"{p} {decimal(v / kept, 4)} ± {decimal(SIGMAS * e / kept, 2)}"
+                    for p, v, e in zip("RGB", value, error, strict=True)
+                )
+            )
     if survey.answered[0].all():
         parts = [
             f"{p} {decimal(v)} ± {decimal(SIGMAS * e, 1)}"

@@ -63,6 +63,8 @@ class Responses:
         (photograph,) index of the pattern that each shows.
     basis, functions
         Functions on the screen, and (function, place) their values.
+    places
+        (2, place) to the right and down in the domemaster, -1..1.
     noise
         Of a pixel, by photograph and primary.
     pixels
@@ -76,6 +78,7 @@ class Responses:
     pattern: NDArray[np.int64]
     basis: ScreenBasis
     functions: Floats
+    places: Floats
     noise: Sequence[Sequence[PixelNoise]]
     pixels: int
 
@@ -171,6 +174,7 @@ def responses_of(
         pattern=photographs.pattern,
         basis=basis,
         functions=basis.at(u, v),
+        places=np.stack([u, v]),
         noise=noises,
         pixels=step**2,
     )

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from domesim.errors import InputError
 from domesim.measure.dome.file import Task
-from domesim.measure.dome.fit import Evidence, Known, Survey, survey
+from domesim.measure.dome.fit import LARGEST_MODEL_ERROR, Evidence, Known, Survey, survey
 from domesim.measure.dome.model import RESOLUTION, Interreflection, nominal_albedos, surfaces_of
 from domesim.measure.dome.nuisances import CAMERA, Errors, effects_of, seen_again
 from domesim.measure.dome.photographs import Cells, Photographs, cells_of
@@ -22,9 +22,9 @@ Floats = NDArray[np.float64]
 
 COARSE = 8
 """Resolution of radiosity at which noise and small effects are computed: within a percent."""
-WALL_ERROR = 0.25
-"""Standard error of a described wall's albedo if nothing else is said of it: it may have any paint.
-A wall that is not in the photographs, and lights little, is told by nothing else."""
+DESCRIBED_ERROR = 0.25
+"""Standard error of the described albedo of a wall, or of a floor that the data do not tell, if
+nothing else is said of it: it may have any paint."""
 
 
 def surveyed(task: Task, known: Mapping[str, Known]) -> tuple[Cells | None, Survey]:
@@ -77,21 +77,33 @@ def survey_of_spots(
         raise InputError("wanted readings in cd/m2 of the screen, which tell white and black")
     albedos = np.repeat((nominal_albedos(theatre) @ weights)[:, None], 3, 1)
     surfaces = surfaces_of(theatre)
-    known = _with_wall(known, surfaces, albedos)
+    known = _described(known, "wall", surfaces, albedos)
     light = Interreflection(theatre, shown)
     fit = survey(light, seen, albedos, surfaces, known, profile=profile)
+    if _floor_is_open(fit):
+        known = _described(known, "floor", surfaces, albedos)
+        held = survey(light, seen, albedos, surfaces, known, profile=profile)
+        fit = held if held.complete else fit
     # The primaries are the same figures, so they are off together.
     one = fit.covariance[:1, :, :1]
     return replace(fit, covariance=np.tile(one, (3, 1, 3, 1)))
 
 
-def _with_wall(
-    known: Mapping[str, Known], surfaces: tuple[str, ...], albedos: Floats
+def _described(
+    known: Mapping[str, Known], surface: str, surfaces: tuple[str, ...], albedos: Floats
 ) -> Mapping[str, Known]:
-    if "wall" not in surfaces or "wall" in known:
+    """What is known, and a surface as it is described, if there is one and nobody knows better."""
+    if surface not in surfaces or surface in known:
         return known
-    value = three(albedos[surfaces.index("wall")])
-    return {**known, "wall": Known(value, (WALL_ERROR,) * 3, assumed=True)}
+    value = three(albedos[surfaces.index(surface)])
+    return {**known, surface: Known(value, (DESCRIBED_ERROR,) * 3, assumed=True)}
+
+
+def _floor_is_open(fit: Survey) -> bool:
+    """Whether the data leave the floor's albedo open, and the model explains them."""
+    if "floor" not in fit.names or fit.model_error > LARGEST_MODEL_ERROR:
+        return False
+    return not bool(fit.answered[fit.names.index("floor")].all())
 
 
 def survey_of(
@@ -114,8 +126,9 @@ def survey_of(
     Parameters
     ----------
     theatre
-        As it is described; its albedos are where the search starts, and the wall's is taken to be
-        right within `WALL_ERROR` unless it is among what is known.
+        As it is described; its albedos are where the search starts. The wall's is taken to be
+        right within `DESCRIBED_ERROR` unless it is among what is known, and so is the floor's if
+        the photographs do not tell it.
     patterns
         (pattern, row, col, primary) light of the projected domemasters.
     photographs
@@ -139,7 +152,8 @@ def survey_of(
     surfaces, albedos = surfaces_of(theatre), nominal_albedos(theatre)
     light = Interreflection(theatre, patterns, resolution)
     cells = cells_of(theatre, patterns, photographs)
-    known = _with_wall(known, surfaces, albedos)
+    known = _described(known, "wall", surfaces, albedos)
+    nominal = albedos
     seen = Evidence(cells.places, photographs.pattern, cells.value, cells.variance, cells.area)
 
     def whole(photographed: Evidence) -> Evidence:
@@ -167,5 +181,10 @@ def survey_of(
         return survey(model, whole(full), albedos, surfaces, known, profile=tested)
 
     near = fitted(coarse, {}, tested=False).nuisances
-    fit = fitted(light, {name: value for name, (value, _) in near.items()}, tested=profile)
+    about = {name: value for name, (value, _) in near.items()}
+    fit = fitted(light, about, tested=profile)
+    if _floor_is_open(fit):
+        known = _described(known, "floor", surfaces, nominal)
+        held = fitted(light, about, tested=profile)
+        fit = held if held.complete else fit
     return cells, replace(fit, residual=fit.residual[:shots, :places])

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from domesim.errors import InputError
 from domesim.host.numbers import decimal
 from domesim.measure.dome.file import Task
-from domesim.measure.dome.measured import described, measured_section, numbers, projector_section
+from domesim.measure.dome.measured import bare_scene, measured_section
 from domesim.measure.dome.ranks import Ranks, cross_validated, modes_of
 from domesim.measure.dome.reflected import Core, fitted
 from domesim.measure.dome.responses import Responses, responses_of
@@ -26,7 +26,6 @@ from domesim.observation.transport import NODES, PHOTOGRAPHS, Transport, node_pl
 from domesim.observation.uncertain import SIGMAS
 from domesim.room.theatre import Theatre
 from domesim.scene import DomeScene
-from domesim.scene.writing import as_toml
 
 Floats = NDArray[np.float64]
 
@@ -288,40 +287,28 @@ def figures_of(fit: Found) -> dict[str, Any]:
 
 def measured_scene(task: Task, fit: Found, name: str, survey: Path) -> str:
     """A scene of the bare screen that goes with the transport."""
-    content = described(task, ("dome", "projector", "viewing", "viewpoints"))
     share = task.scene.dome.screen_area / (4 * np.pi * task.scene.dome.radius**2)
     albedo = fit.white / (share * (1 + fit.white))
     slope = 1 / (share * (1 + fit.white) ** 2)
-    white = task.scene.projector.white
-    content["projector"] = projector_section(task, white, fit.gain, fit.ambient)
-    return as_toml(
-        {
-            "name": name,
-            "description": f"{task.scene.description} Reflected light as measured: {survey.name}; "
-            f"its transport goes with it.",
-            **content,
-            "screen": {"albedo": numbers(np.clip(albedo, 0.0, 0.98))},
-            "sources": {
-                "screen.albedo": f"measured: {survey.name}; not the paint's, but that of a bare "
-                f"screen that reflects as much of white as the whole room does",
-                **{
-                    key: text
-                    for key, text in task.content.get("sources", {}).items()
-                    if key.startswith(("dome", "projector", "viewing", "viewpoints"))
-                },
-            },
-            "measured": measured_section(
-                task,
-                survey,
-                names=("screen",),
-                values=albedo[None],
-                errors=(slope * fit.white_error)[None],
-                correlations=np.eye(3),
-                chi2=fit.chi2,
-                degrees=fit.degrees,
-                model_error=float(fit.ranks.error[fit.ranks.rank - 1]),
-            ),
-        }
+    return bare_scene(
+        task,
+        name,
+        survey,
+        told=f"Reflected light as measured: {survey.name}; its transport goes with it.",
+        albedo=albedo,
+        gain=fit.gain,
+        ambient=fit.ambient,
+        measured=measured_section(
+            task,
+            survey,
+            names=("screen",),
+            values=albedo[None],
+            errors=(slope * fit.white_error)[None],
+            correlations=np.eye(3),
+            chi2=fit.chi2,
+            degrees=fit.degrees,
+            model_error=float(fit.ranks.error[fit.ranks.rank - 1]),
+        ),
     )
 
 

@@ -30,6 +30,7 @@ Kind = Literal[
     "sector",
     "ring",
     "checkerboard",
+    "shifted",
     "patch",
     "registration",
 ]

@@ -11,7 +11,7 @@ Azimuth runs from the audience's right (0°) over the front (90°) to their left
 from __future__ import annotations
 
 from collections.abc import Callable
-from itertools import pairwise
+from itertools import pairwise, product
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -39,6 +39,8 @@ HALVES = {"right": -90, "front": 0, "left": 90, "back": 180}
 SECTORS, RINGS = 6, 3
 BOARDS = ((4, 2), (12, 4))
 """Sectors and rings of the checkerboards; a quarter of the sectors is odd (see above)."""
+SHIFTED, SHIFTS = "shifted-12x4-", 8
+"""Beginning of the names of the largest board's shifts, by halves of a field, and their number."""
 PATCH, MARKER = 1 / 15, 1 / 60
 """Radius over the dome's half-angle: 6 and 1.5 degrees of a hemisphere."""
 LARGER = {90: 2.0, 0: 1.5}
@@ -141,6 +143,19 @@ def dome_patterns(dome: Dome, codes: Codes, levels: int) -> tuple[Pattern, ...]:
             )
             for odd, (one, other) in enumerate((("a", "b"), ("b", "a")))
         ]
+    sectors, rings = BOARDS[-1]
+    patterns += [
+        white(
+            f"{SHIFTED}{number}",
+            "shifted",
+            f"every second of {sectors} x {rings} fields, shifted by {turn:g} and {out:g} of one",
+            _board(dome, sectors, rings, 0, turn, out),
+            sectors=sectors,
+            rings=rings,
+            shift=[turn, out],
+        )
+        for number, (out, turn) in enumerate(product((0, 0.5), (0, 0.5, 1, 1.5)), 1)
+    ]
     radius = np.degrees(PATCH * dome.half_angle)
     for name, azimuth, angle in _patches(dome):
         patterns.append(
@@ -250,10 +265,12 @@ def _ring(inner: float, outer: float) -> Region:
     return lambda directions: (_angle(directions) >= inner) & (_angle(directions) < outer)
 
 
-def _board(dome: Dome, sectors: int, rings: int, odd: int) -> Region:
+def _board(
+    dome: Dome, sectors: int, rings: int, odd: int, turn: float = 0.0, out: float = 0.0
+) -> Region:
     def lit(directions: Directions) -> Mask:
-        sector = np.floor(_azimuth(directions) * (sectors / 360))
-        ring = np.floor(_angle(directions) * (rings / dome.half_angle))
+        sector = np.floor(_azimuth(directions) * (sectors / 360) + turn)
+        ring = np.floor(_angle(directions) * (rings / dome.half_angle) + out)
         return np.asarray((sector + ring) % 2 == odd)
 
     return lit

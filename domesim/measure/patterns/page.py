@@ -1,15 +1,14 @@
-"""What goes with test patterns for people: a page to print, and tables to fill in."""
+"""What goes with test patterns for people: a page to print."""
 
 from __future__ import annotations
 
 import base64
 import csv
-import io
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from itertools import groupby
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,15 +16,11 @@ from domesim.frames import ColourTag, Frame, Pixels
 from domesim.frames.writing import encoded
 from domesim.measure.patterns import Pattern
 from domesim.measure.patterns.listing import Listed, PatternList
-from domesim.readings.meter import EYES
-
-READINGS, GREYS = "readings.csv", "grey-to-grey.csv"
-"""Names of tables."""
+from domesim.measure.patterns.sheets import DOME, METERS, READINGS, WORDS, Sheet
 
 THUMBNAIL = 160
 """Width, pixels."""
 
-_COLUMNS = ("channel", "level", "X", "Y", "Z", "note")
 _HEADINGS = {
     "black": "Black",
     "white": "White and primaries",
@@ -36,9 +31,13 @@ _HEADINGS = {
     "sector": "Sectors and rings",
     "ring": "Sectors and rings",
     "checkerboard": "Checkerboards",
+    "shifted": "Shifted checkerboards",
     "patch": "Patches",
     "registration": "Registration",
 }
+
+
+_NOT_LIGHT = ("pattern", "place", "note")
 
 
 class _Row(NamedTuple):
@@ -46,7 +45,14 @@ class _Row(NamedTuple):
     thumbnails: list[str]
 
 
-def page(patterns: Sequence[Pattern], listed: PatternList) -> str:
+def page(
+    patterns: Sequence[Pattern],
+    listed: PatternList,
+    sheet: Sheet,
+    blanks: Mapping[str, str],
+    *,
+    command: str,
+) -> str:
     """The page: self-contained HTML.
 
     Parameters
@@ -55,6 +61,10 @@ def page(patterns: Sequence[Pattern], listed: PatternList) -> str:
         What to draw small, in the order of the list.
     listed
         What the files are.
+    sheet, blanks
+        For which instrument, and what is to be filled in.
+    command
+        What is typed when that is done.
     """
     import jinja2  # noqa: PLC0415 - slow to import
 
@@ -65,71 +75,32 @@ def page(patterns: Sequence[Pattern], listed: PatternList) -> str:
     )
     cols, rows = listed.size
     small = (max(round(THUMBNAIL * rows / cols), 2), THUMBNAIL)
-    drawn = (
+    drawn = [
         _Row(entry, [_thumbnail(view) for view in pattern.codes(*small)])
         for pattern, entry in zip(patterns, listed.patterns, strict=True)
-    )
+    ]
+    by_name = {row.entry.name: row for row in drawn}
+    places = list(csv.DictReader(blanks.get(DOME, "").splitlines()))
+    light = [name for name in (places[0] if places else ()) if name not in _NOT_LIGHT]
+    read = [(by_name[each["pattern"]], each["place"]) for each in places]
     groups = [
         {"heading": heading, "rows": list(group)}
         for heading, group in groupby(drawn, lambda row: _HEADINGS[row.entry.kind])
     ]
-    return environment.from_string(source).render(listed=listed, groups=groups, small=small)
+    return environment.from_string(source).render(
+        listed=listed, groups=groups, small=small, sheet=sheet, words=WORDS, files=[*blanks],
+        read=read, light=light, command=command, columns=_columns(sheet),
+    )  # fmt: skip
 
 
-def tables(listed: PatternList) -> Mapping[str, str]:
-    """Files' names -> CSV tables for a meter's readings, without the readings."""
-    if listed.display == "dome":
-        return {READINGS: _csv(_COLUMNS, map(_reading, _read(listed)))}
-    through = [
-        {**_reading(each), "projector": projector, "filter": eye}
-        for eye in EYES
-        for projector in EYES
-        for each in _read(listed)
-        if each.parameters.get("projector", projector) == projector
-        and (each.kind != "ramp" or projector == eye)
-    ]
-    greys = [
-        {
-            "filter": eye,
-            "own_level": each.parameters[f"{eye}_level"],
-            "other_level": each.parameters[f"{other}_level"],
-            "note": each.name,
-        }
-        for eye, other in zip(EYES, reversed(EYES), strict=True)
-        for each in _greys(listed)
-    ]
-    return {
-        READINGS: _csv(("projector", "filter", *_COLUMNS), through),
-        GREYS: _csv(("filter", "own_level", "other_level", "Y", "note"), greys),
-    }
-
-
-def _read(listed: PatternList) -> list[Listed]:
-    """Patterns that a table of readings has rows for."""
-    return [each for each in listed.patterns if "channel" in each.parameters]
-
-
-def _greys(listed: PatternList) -> list[Listed]:
-    black = next(each for each in listed.patterns if each.kind == "black")
-    both = {"left_level": 0.0, "right_level": 0.0}
-    first = Listed(**{**vars(black), "parameters": both})
-    return [first, *(each for each in listed.patterns if each.kind == "grey to grey")]
-
-
-def _reading(each: Listed) -> dict[str, Any]:
-    return {
-        "channel": each.parameters["channel"],
-        "level": each.parameters["level"],
-        "note": each.name,
-    }
-
-
-def _csv(columns: Sequence[str], rows: Iterable[Mapping[str, Any]]) -> str:
-    text = io.StringIO()
-    writer = csv.DictWriter(text, columns, restval="", lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
-    return text.getvalue()
+def _columns(sheet: Sheet) -> tuple[str, ...]:
+    """What is written down by hand beside each pattern."""
+    if sheet.instrument == "eye" or (DOME in sheet.names and READINGS not in sheet.names):
+        return ()
+    time = () if sheet.instrument in METERS else ("Time, s",)
+    if sheet.instrument == "dslr":
+        return time
+    return (*time, *("XYZ" if sheet.dome else ("Y, left glass", "Y, right glass")))
 
 
 def _thumbnail(view: Pixels) -> str:

@@ -234,10 +234,10 @@ def test_what_a_folder_of_a_dome_has(run, tmp_path):
 
 
 def test_tables_to_fill_in_are_read(run, tmp_path):
-    """With figures in them, of course; without, each row is told."""
+    """With figures in them, of course."""
     run("measure", "patterns", "--stereo", "--size", "96x64", "--levels", "4", "--out", tmp_path)
     path = tmp_path / "readings.csv"
-    refused(run("measure", "response", path), "X must be a number, got nothing")
+    refused(run("measure", "response", path), "in X, Y, Z, got a table that nobody has filled in")
     rows = list(csv.DictReader(path.read_text().splitlines()))
     rows = [{**row, **dict.fromkeys("XYZ", "1")} for row in rows]
     with path.open("w") as file:

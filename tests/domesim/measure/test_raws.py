@@ -13,7 +13,7 @@ from studio import NOISE, Studio, random_maps, store_all
 from domesim.errors import InputError
 from domesim.measure.crosstalk_photographs import crosstalk_maps
 from domesim.measure.photographs import read_photographs
-from domesim.measure.raws import clipped, read_photograph
+from domesim.measure.raws import clipped, photograph_named, read_photograph
 
 BLACKS = (500, 520, 540, 580)
 ROWS, COLS = 24, 37
@@ -68,27 +68,30 @@ def test_one_full_pixel_of_four_is_told(tmp_path, light, number):
     assert np.argwhere(full).tolist() == [[5, 7]]
 
 
-def test_crosstalk_is_that_of_linear_files(tmp_path):
-    studio = Studio(random_maps(np.random.default_rng(3)), NOISE)
+@pytest.mark.parametrize(("kind", "bits"), [("exr", 14), ("tif", 14), ("tif", 12)])
+def test_crosstalk_is_that_of_linear_files(tmp_path, kind, bits):
+    """And that of the rig; a TIFF as developed has 16 bits, and its black is 0."""
+    drawn = random_maps(np.random.default_rng(3))
+    studio = Studio(drawn, NOISE)
     maps = {}
-    for kind in ("exr", "dng"):
-        folder = tmp_path / kind
+    for each in (kind, "dng"):
+        folder = tmp_path / each
         folder.mkdir()
-        maps[kind] = crosstalk_maps(
-            read_photographs(store_all(folder, studio, kind=kind)), (5, 7), 77 / 45
-        )
-    for linear, raw in zip(maps["exr"], maps["dng"], strict=True):
+        listed = store_all(folder, studio, kind=each, bits=bits, extra='encoding = "linear"')
+        maps[each] = crosstalk_maps(read_photographs(listed), (5, 7), 77 / 45)
+    for linear, raw in zip(maps[kind], maps["dng"], strict=True):
         assert raw.system == pytest.approx(linear.system, abs=linear.system_error)
         seen, wanted = raw.system * raw.share, linear.system * linear.share
         assert np.all(np.abs(seen - wanted) < linear.system * linear.share_error)
 
 
-def test_clipped_photographs_are_refused(tmp_path):
+@pytest.mark.parametrize("bits", [12, 14])
+def test_clipped_photographs_are_refused(tmp_path, bits):
     studio = Studio(random_maps(np.random.default_rng(3)))
-    path = store_all(tmp_path, studio, kind="dng")
+    path = store_all(tmp_path, studio, kind="dng", bits=bits)
     white = np.full((45, 77, 3), 0.6)
     white[:2] = 1
-    store_raw(tmp_path / "left-left-W.dng", white)
+    store_raw(tmp_path / "left-left-W.dng", white, bits=bits)
     with pytest.raises(InputError, match=r"left-left-W.dng: \d.\d% of the screen.* saturated"):
         read_photographs(path)
 
@@ -105,6 +108,31 @@ def test_a_damaged_one_is_refused(tmp_path, light):
     (tmp_path / "b.dng").write_bytes((tmp_path / "a.dng").read_bytes()[:700])
     with pytest.raises(InputError, match=r"b.dng: "):
         read_photograph(tmp_path / "b.dng")
+
+
+def test_a_photograph_is_found_by_its_patterns_name(tmp_path, light):
+    """Whatever the camera calls it after the point; the JPEG that it stored, too, is not meant."""
+    store_raw(tmp_path / "ring-1.dng", light)
+    store(tmp_path / "ring-1.jpg", np.full((8, 8, 3), 99, np.uint8))
+    (tmp_path / "ring-1.xmp").write_text("beside it")
+    (tmp_path / "0010_ring-1.png").write_bytes(b"the pattern")
+    assert photograph_named(tmp_path / "ring-1") == tmp_path / "ring-1.dng"
+    assert photograph_named(tmp_path / "ring-1.jpg") == tmp_path / "ring-1.jpg"
+    assert photograph_named(tmp_path / "ring-2") == tmp_path / "ring-2"
+    (tmp_path / "ring-1.dng").rename(tmp_path / "other.dng")
+    assert photograph_named(tmp_path / "ring-1") == tmp_path / "ring-1.jpg"
+    for name in ("both.nef", "both.tif"):
+        (tmp_path / name).touch()
+    with pytest.raises(InputError, match=r"both: wanted one .* got both.nef, both.tif; say which"):
+        photograph_named(tmp_path / "both")
+
+
+def test_lists_name_photographs_as_patterns_are_named(tmp_path):
+    path = store_all(tmp_path, Studio(random_maps(np.random.default_rng(3))), kind="dng")
+    whole = read_photographs(path)
+    path.write_text(path.read_text().replace(".dng", ""))
+    found = read_photographs(path)
+    assert np.array_equal(found.glasses[0].net["left"]["W"], whole.glasses[0].net["left"]["W"])
 
 
 def test_a_jpeg_is_refused(tmp_path):

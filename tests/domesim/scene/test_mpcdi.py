@@ -14,11 +14,14 @@ from command_line import Run
 from PIL import Image
 
 from domesim.errors import InputError
+from domesim.room.beams import on_screen
 from domesim.room.dome import Dome
 from domesim.room.lenses import field_edges, field_weight, lens_frame, lens_gains
-from domesim.room.theatre import Lens
+from domesim.room.theatre import Lens, Theatre
+from domesim.room.unlit import uplift
 from domesim.scene import load_dome
 from domesim.scene.mpcdi import blend_sums, landing, read_mpcdi, written_mpcdi
+from domesim.scene.writing import as_toml
 
 DOME = Dome(5.0, np.radians(90), 0.3)
 SURVEYOR = {"yaw": (0, 0, -1), "pitch": (1, 0, 0), "roll": (0, 1, 0)}
@@ -48,6 +51,10 @@ def ring(count: int = 4) -> list[Lens]:
         )
     top = Lens("top", (0.1, -0.2, -1.0), (0.1, -0.2, 9.0), 0.3, "perspective", 2.2, 1.0, 0.4)
     return [*lenses, top]
+
+
+def theatre(lenses: list[Lens], **more: Any) -> Theatre:
+    return Theatre(DOME, (0.5, 0.5, 0.5), lenses=tuple(lenses), **more)
 
 
 def scene_file(folder: Path, lenses: list[Lens]) -> Path:
@@ -222,7 +229,7 @@ def test_a_lens_that_distorts_has_its_blend_where_light_lands(tmp_path: Path, or
 def test_what_is_exported_sums_to_one_and_comes_back(tmp_path: Path) -> None:
     lenses = ring()
     path = tmp_path / "x.mpcdi"
-    path.write_bytes(written_mpcdi(DOME, lenses, (480, 300), "2026-11-25 19:30:11"))
+    path.write_bytes(written_mpcdi(theatre(lenses), (480, 300), "2026-11-25 19:30:11"))
     regions = read_mpcdi(path)
     back = [region.lens for region in regions]
     for old, new, region in zip(lenses, back, regions, strict=True):
@@ -245,8 +252,91 @@ def test_what_is_exported_sums_to_one_and_comes_back(tmp_path: Path) -> None:
     np.testing.assert_allclose(after, before / before.sum(0), atol=2e-3)
 
 
+def test_a_beta_map_lifts_black(tmp_path: Path) -> None:
+    """MPCDI 2.0 has it beside the alpha map, without a gamma of its own."""
+    alpha = np.array([[0, 64, 128], [255, 192, 100]], np.uint8)
+    beta = np.array([[0, 3, 10], [20, 5, 1]], np.uint8)
+    files = fileset(alphaMap="a.png").replace(
+        "</fileset>",
+        "<betaMap><path>b.png</path><componentDepth>1</componentDepth><bitDepth>8</bitDepth>"
+        "</betaMap></fileset>",
+    )
+    content = xml(frustum={}, files=files)
+    path = package(tmp_path / "x.mpcdi", content, a_png=png(alpha), b_png=png(beta))
+    (region,) = read_mpcdi(path)
+    assert region.lens.mask is not None
+    assert region.lens.uplift is not None
+    np.testing.assert_allclose(region.lens.mask.weights, (alpha / 255) ** 2.2)
+    np.testing.assert_allclose(region.lens.uplift.weights, (beta / 255) ** 2.2)
+
+
+def dark_cove(**projector: Any) -> dict[str, Any]:
+    """Three projectors that overlap, each with a black of its own."""
+    units = [
+        {"name": f"P{k}", "position_m": [3 * x, 3 * y, -0.5], "look_at_m": [-x, -y, 2.5],
+         "kind": "perspective", "field_deg": 110.0, "aspect": 1.2, "blend_deg": 15.0,
+         "black_cd_m2": 0.002 * (k + 1)}
+        for k, (x, y) in enumerate(((0.0, 1.0), (0.87, -0.5), (-0.87, -0.5)))
+    ]  # fmt: skip
+    return {
+        "name": "dark cove",
+        "dome": {"radius_m": 5.0, "half_angle_deg": 60.0},
+        "screen": {"albedo": 0.4},
+        "projector": {"white_cd_m2": 10.0, "units": units, **projector},
+        "viewing": {"adaptation_cd_m2": 1.0},
+    }
+
+
+def test_beta_maps_come_back_as_they_were_written(tmp_path: Path, run: Run) -> None:
+    """What hides the overlaps is each projector's share of it, to half a code of 16 bits."""
+    scene, path = tmp_path / "cove.toml", tmp_path / "cove.mpcdi"
+    scene.write_text(as_toml(dark_cove(even_black=True)))
+    assert run("scene", "export", scene, "--out", path, "--size", "240x200")[0] == 0
+    room = load_dome(scene)
+    for lens, region in zip(room.theatre.lenses, read_mpcdi(path), strict=True):
+        points = landing(room.dome, lens, 200, 240)
+        total = sum(field_weight(each, points) for each in room.theatre.lenses)
+        lift = (
+            field_weight(lens, points)
+            / np.where(total > 0, total, 1)
+            * uplift(room.theatre, points)
+        )
+        lift = np.where(on_screen(room.dome, points), lift, 0)
+        assert lift.max() > 2e-4
+        assert region.lens.uplift is not None
+        codes = [np.rint(65535 * each ** (1 / 2.2)) for each in (lift, region.lens.uplift.weights)]
+        np.testing.assert_array_equal(*codes)
+    back = tmp_path / "back.toml"
+    assert run("scene", "import", path, "--out", back, "--like", scene)[0] == 0
+    again = tmp_path / "again.mpcdi"
+    assert run("scene", "export", back, "--out", again, "--size", "240x200")[0] == 0
+    for one, other in zip(read_mpcdi(path), read_mpcdi(again), strict=True):
+        assert one.lens.uplift is not None
+        assert other.lens.uplift is not None
+        off = np.abs(one.lens.uplift.weights - other.lens.uplift.weights)
+        assert off.mean() < 0.01 * one.lens.uplift.weights.mean()
+    seen, found = (
+        load_dome(each).observation(64, 64).observe(np.zeros((1, 64, 64, 3)))[0]
+        for each in (scene, back)
+    )
+    on = room.screen(64, 64)
+    assert seen[on].mean() == pytest.approx(found[on].mean(), rel=0.01)
+    assert np.median(np.abs(seen / np.where(found > 0, found, 1) - 1)[on]) < 2e-3
+
+
+def test_blacks_of_other_projectors_are_not_taken_over(tmp_path: Path, run: Run) -> None:
+    """Of other projectors the file does not tell: their black is the mean of those before."""
+    scene, path = tmp_path / "cove.toml", tmp_path / "ring.mpcdi"
+    scene.write_text(as_toml(dark_cove()))
+    path.write_bytes(written_mpcdi(theatre(ring()), (64, 40), "2026-11-25 19:30:11"))
+    back = tmp_path / "back.toml"
+    assert run("scene", "import", path, "--out", back, "--like", scene)[0] == 0
+    assert not load_dome(back).black_differs
+    assert load_dome(back).projector.black == pytest.approx(load_dome(scene).projector.black)
+
+
 def test_it_is_of_the_standards_layout(tmp_path: Path) -> None:
-    content = written_mpcdi(DOME, ring(2), (64, 40), "2026-11-25 19:30:11")
+    content = written_mpcdi(theatre(ring(2)), (64, 40), "2026-11-25 19:30:11")
     with zipfile.ZipFile(io.BytesIO(content)) as package:
         assert sorted(package.namelist()) == [
             "alpha1.png", "alpha2.png", "alpha3.png", "mpcdi.xml",
@@ -352,7 +442,7 @@ def refusal(path: Path) -> str:
 @pytest.mark.parametrize("count", [150, pytest.param(1000, marks=pytest.mark.long)])
 def test_damaged_files_are_refused_in_one_line(tmp_path: Path, count: int) -> None:
     """The package itself, or a file in it, which then has the right checksum."""
-    content = written_mpcdi(DOME, ring(1), (32, 20), "2026-11-25 19:30:11")
+    content = written_mpcdi(theatre(ring(1)), (32, 20), "2026-11-25 19:30:11")
     with zipfile.ZipFile(io.BytesIO(content)) as whole:
         members = {name: whole.read(name) for name in whole.namelist()}
     rng = np.random.default_rng(5)

@@ -95,6 +95,18 @@ def test_lux_and_luminance_of_one_lit_place_tell_its_albedo():
     assert found.value[1, 0] == pytest.approx(np.pi * luminance / illuminance, rel=1e-6)
 
 
+def test_a_floor_that_readings_do_not_tell_is_held_as_described():
+    """One place of the screen alone tells that of the screen."""
+    readings = read([(p, FRONT_PLACE, unit) for p in (BLACK, WHITE) for unit in ("cd/m2", "lux")])
+    found = survey_of_spots(PLAN, PATTERNS, readings, {}, WEIGHTS)
+    assert found.complete
+    assert found.leaning["floor"].value == pytest.approx((0.1,) * 3)
+    assert found.error[2] == pytest.approx(0.25, rel=0.2)
+    assert abs(found.value[1, 0] - 0.5) < 2 * found.error[1, 0]
+    told = survey_of_spots(PLAN, PATTERNS, readings, {"floor": Known((0.2,) * 3)}, WEIGHTS)
+    assert told.error[0, 0] < 0.5 * found.error[0, 0]
+
+
 def test_luminance_of_white_and_black_is_not_enough():
     pair = [(p, FRONT_PLACE, "cd/m2") for p in (BLACK, WHITE)]
     found = survey_of_spots(PLAN, PATTERNS, read(pair), {}, WEIGHTS)

@@ -72,3 +72,17 @@ def test_a_wall_that_is_not_seen_is_not_said_to_be_known():
     off = np.abs(found.value[3] - real.wall.albedo)
     assert np.all(off < 3 * found.error[3])
     assert found.complete
+
+
+@pytest.mark.long
+def test_a_floor_that_photographs_do_not_tell_is_held_as_described():
+    """The camera looks up, at black, white and the front half, with much noise."""
+    rng = np.random.default_rng(3)
+    real, camera = theatre(rng)
+    up = replace(camera, look_at=(0.0, 0.5, 5.0), field=np.radians(120.0))
+    patterns = patterns_for(real.dome, 64)[:3]
+    shots = computed(real, up, patterns, rng, lambda rng, light: 25 * even(rng, light))
+    _, found = survey_of(described(real, rng), patterns, shots, {}, STATED, resolution=6)
+    assert found.complete
+    assert "floor" in found.leaning
+    assert (found.error[found.names.index("floor")] < 0.26).all()
