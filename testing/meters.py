@@ -184,6 +184,6 @@ def fill(table: Path, room: Room, target: Path, *, empty: Sequence[str] = ()) ->
         row.update({name: f"{value:.{room.faults.digits}f}" for name, value in values.items()
                     if name in row})  # fmt: skip
     with target.open("w", newline="") as file:
-        writer = csv.DictWriter(file, list(rows[0]))
+        writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
         writer.writeheader()
         writer.writerows(rows)

@@ -143,8 +143,8 @@ def patterns(
     )  # fmt: skip
     written = facts.write(out)
     tables = sheet.files(facts)
-    command = sheet.command(f"{out.as_posix()}/", "mine.toml" if scene is None else scene)
-    write_whole(out / PAGE, page(made, facts, sheet, tables, command=command).encode())
+    seen = {"folder": f"{out.as_posix()}/", "theatre": "mine.toml" if scene is None else scene}
+    write_whole(out / PAGE, page(made, facts, sheet, tables, **seen).encode())
     for name, table in tables.items():
         write_whole(out / name, table.encode())
     count = len(made) * len(folders)
@@ -155,7 +155,7 @@ def patterns(
     )
     if tables:
         console.say(f"Fill in: {', '.join(str(out / name) for name in tables)}")
-    console.say(f"Then: {command}")
+    console.say(f"Then: {sheet.command(**seen)}")
     if furnished and instrument in (None, "dslr"):
         assert room is not None
         more = replace(room.theatre, lamps=()).beyond_enclosure

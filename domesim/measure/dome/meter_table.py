@@ -21,6 +21,7 @@ import difflib
 import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, final
 
@@ -140,7 +141,8 @@ def read_meter_task(path: Path, scene: DomeScene, content: Mapping[str, Any]) ->
     )
 
 
-def patterns_of(dome: Dome) -> dict[str, Pattern]:
+@lru_cache(maxsize=1)
+def patterns_of(dome: Dome) -> Mapping[str, Pattern]:
     """Name -> pattern of full light, of a dome's."""
     made = dome_patterns(dome, _FULL, _FEWEST)
     return {each.name: each for each in made if each.kind not in ("ramp", "registration")}

@@ -26,7 +26,7 @@ its floor and its seats.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import itertools
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import final
@@ -51,7 +51,7 @@ Floats = NDArray[np.float64]
 
 UNEVEN = 0.05
 """Rms of a projector's light over the screen, about its mean: smooth (spherical harmonics up to
-degree 2), and else unknown."""
+degree 3), and else unknown."""
 COSINE = 0.03
 """How much a lux meter may over- or underrate light from the side: class B of DIN 5032-7."""
 DESCRIBED = 0.25
@@ -61,7 +61,7 @@ TELLING = 0.3
 LARGEST_MODEL_ERROR = 0.1
 """Relative error of the model at each reading from which nothing is answered."""
 
-_SIZE = 256
+_SIZE, _DEGREE = 256, 3
 _HEIGHTS, _ASIDE = (0.35, 0.5, 0.65), 5.0
 """Where a place on the screen may be: shares of the half-angle, and degrees to either side."""
 _PRIMARIES = {"red": (1.0, 0.0, 0.0), "green": (0.0, 1.0, 0.0), "blue": (0.0, 0.0, 1.0)}
@@ -227,16 +227,18 @@ class _Field:
         self.cosine = np.maximum(directions[..., 2], 0.0)
         self.projected = float(np.sum(self.angles * self.cosine))  # sr
         x, y, z = np.moveaxis(directions, -1, 0)
-        self.modes = self._independent([x, y, z, x * y, x * z, y * z, x * x - y * y, z * z])
+        powers = itertools.product((0, 1), range(_DEGREE + 1), range(_DEGREE + 1))
+        polynomials = [z**k * x**i * y**j for k, i, j in powers if k + i + j <= _DEGREE]
+        self.modes = self._independent(np.stack(polynomials))
 
-    def _independent(self, modes: Sequence[Floats]) -> Floats:
-        """(mode, row, col) of mean 0 over the screen, orthogonal, together of rms `UNEVEN`."""
-        weight = np.sqrt(self.areas / self.areas.sum()).ravel()
-        planes = np.stack([np.ones_like(modes[0]), *modes]).reshape(len(modes) + 1, -1)
-        basis = np.linalg.qr((planes * weight).T)[0].T[1:]
-        found = np.divide(basis, weight, out=np.zeros_like(basis), where=weight > 0)
-        share = UNEVEN / np.sqrt(len(modes))
-        return np.asarray(share * found.reshape(len(modes), *modes[0].shape))
+    def _independent(self, modes: Floats) -> Floats:
+        """(mode, row, col) orthogonal over the screen, together of rms `UNEVEN`, but the first."""
+        weight = (self.areas / self.areas.sum()).ravel()
+        planes = modes.reshape(len(modes), -1)
+        lower = np.linalg.cholesky((planes * weight) @ planes.T)
+        found = np.linalg.solve(lower, planes)[1:] * (weight > 0)
+        share = UNEVEN / np.sqrt(len(found))
+        return np.asarray(share * found.reshape(len(found), *modes.shape[1:]))
 
     def share(self, one: Reading) -> _Share:
         """What of a pattern a meter reads.
@@ -304,6 +306,16 @@ class _Problem:
         self._at = np.array([self._places.index(one.place) for one in self._readings])
         amounts = [_PRIMARIES.get(one.pattern, (1.0, 1.0, 1.0)) for one in self._readings]
         self._amounts = np.array(amounts)[:, : self._primaries]
+        self._direct, self._reflected = (
+            np.array([getattr(share, name) for share in self._shares])
+            for name in ("direct", "reflected")
+        )
+        self._direct_effects, self._reflected_effects = (
+            np.stack([getattr(share, f"{name}_effects") for share in self._shares])
+            for name in ("direct", "reflected")
+        )
+        lux_there = [one.lux and one.place != MIDDLE for one in self._readings]
+        self._on_screen = np.array(lux_there)
         self._values = np.stack([one.value for one in self._readings])
         self._variance = task.noise.variance(self._values)
         self._model_error = 0.0
@@ -412,15 +424,11 @@ class _Problem:
         """(reading, channel) what the meter should say."""
         direct, albedo, black, odd = self._parts(x)
         q = np.array([self._gain_of(float(rho)) for rho in albedo])
-        said = np.empty_like(self._values)
-        for at, (one, share) in enumerate(zip(self._readings, self._shares, strict=True)):
-            first = share.direct * (1 + share.direct_effects @ odd)
-            second = share.reflected * (1 + share.reflected_effects @ odd)
-            seen = first + q * second
-            if one.lux and one.place != MIDDLE:
-                seen = seen * np.pi / albedo
-            said[at] = (self._amounts[at] * seen) @ direct + black[self._at[at]]
-        return said
+        seen = self._direct * (1 + self._direct_effects @ odd)
+        back = self._reflected * (1 + self._reflected_effects @ odd)
+        light = seen[:, None] + q * back[:, None]
+        light = np.where(self._on_screen[:, None], light * np.pi / albedo, light)
+        return np.asarray((self._amounts * light) @ direct + black[self._at])
 
     def _residual(self, x: Floats) -> Floats:
         said = self._modelled(x)

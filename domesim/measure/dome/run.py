@@ -74,7 +74,10 @@ def survey_of_spots(
     shown = grey(patterns, weights)
     seen = evidence_of(theatre, shown, readings)
     if not seen.area.any():
-        raise InputError("wanted readings in cd/m2 of the screen, which tell white and black")
+        raise InputError(
+            "wanted readings in cd/m2 of the screen, which tell white and black, got lux alone; "
+            "a lux meter's own table needs none (domesim measure patterns --dome --with lux)"
+        )
     albedos = np.repeat((nominal_albedos(theatre) @ weights)[:, None], 3, 1)
     surfaces = surfaces_of(theatre)
     known = _described(known, "wall", surfaces, albedos)

@@ -51,7 +51,8 @@ def page(
     sheet: Sheet,
     blanks: Mapping[str, str],
     *,
-    command: str,
+    folder: str,
+    theatre: str,
 ) -> str:
     """The page: self-contained HTML.
 
@@ -63,13 +64,12 @@ def page(
         What the files are.
     sheet, blanks
         For which instrument, and what is to be filled in.
-    command
-        What is typed when that is done.
+    folder, theatre
+        As for `Sheet.command`, which is what is typed when that is done.
     """
     import jinja2  # noqa: PLC0415 - slow to import
 
-    folder = files("domesim.measure.patterns")
-    source = folder.joinpath("patterns.html.j2").read_text()
+    source = files("domesim.measure.patterns").joinpath("patterns.html.j2").read_text()
     environment = jinja2.Environment(
         autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined
     )
@@ -89,7 +89,8 @@ def page(
     ]
     return environment.from_string(source).render(
         listed=listed, groups=groups, small=small, sheet=sheet, words=WORDS, files=[*blanks],
-        read=read, light=light, command=command, columns=_columns(sheet),
+        read=read, light=light, columns=_columns(sheet),
+        command=sheet.command(folder, theatre), folder=folder,
     )  # fmt: skip
 
 

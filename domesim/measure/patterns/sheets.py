@@ -137,8 +137,7 @@ class Sheet:
         """
         out = "--out measured.toml"
         if self.instrument == "eye":
-            kind = f"--dome {theatre}" if self.dome else "--stereo SCENE.toml"
-            return f"domesim measure by-eye {kind} --out by-eye"
+            return f"domesim measure by-eye --scene {theatre} --out by-eye"
         if self.instrument == "dslr":
             if not self.dome:
                 return f"domesim measure crosstalk {folder}{PHOTOGRAPHS} {out}"

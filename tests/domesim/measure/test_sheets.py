@@ -52,7 +52,7 @@ def fill_pair(path, light, rng=None):
         values = dict(zip("XYZ", said, strict=True)) | {"Lv": said[1], "fL": said[1] / 3.4262591}
         row.update({name: f"{values[name]:.6f}" for name in light})
     with path.open("w", newline="") as file:
-        writer = csv.DictWriter(file, list(rows[0]))
+        writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
         writer.writeheader()
         writer.writerows(rows)
 
