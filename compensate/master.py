@@ -266,6 +266,8 @@ class Solution:
         if posed.scene.grade.gamut == KEPT:
             before = posed.planes
             unclipped = decoder(self.frame, posed.scene) if self.out_of_range else None
+        if (lift := posed.setting.lift) is not None:
+            light = np.minimum(light + lift[None, :, :, None].astype(light.dtype), 1)
         if posed.overlay is not None:
             light = posed.overlay.under(light, gathered(posed.planes, light.shape))
         return encoded(

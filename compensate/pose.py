@@ -35,7 +35,7 @@ from domesim.observation.grey_to_grey import GreyToGrey
 from domesim.observation.lowrank import LowRankObservation
 from domesim.observation.seats import SeveralSeats
 from domesim.observation.uncertain import Uncertain
-from domesim.scene import Scene, StereoScene
+from domesim.scene import DomeScene, Scene, StereoScene
 from domesim.scene.grade import TAKEN_OUT
 from domesim.scene.screening import beyond, decoder, is_cheap, within_range
 
@@ -458,6 +458,12 @@ class Setting:
         if not isinstance(light, np.ndarray) or light.dtype != upper.dtype:
             upper = namespace(light).asarray(self.screen, dtype=light.dtype, device=light.device)
         return upper[None, :, :, None]
+
+    @cached_property
+    def lift(self) -> NDArray[np.float64] | None:
+        """(row, col) light that frames carry besides the picture's own; None if they do not."""
+        scene = self.scene
+        return scene.lift(*self.screen.shape) if isinstance(scene, DomeScene) else None
 
     @cached_property
     def columns(self) -> Columns:

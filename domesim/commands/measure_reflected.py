@@ -15,6 +15,7 @@ from domesim.errors import InputError
 from domesim.host.console import Console, about
 from domesim.host.numbers import decimal
 from domesim.host.writing import prepare, write_together
+from domesim.observation.transport import load_transport
 
 if TYPE_CHECKING:
     from domesim.measure.dome.separated import Separated
@@ -54,6 +55,10 @@ def reflected(
     from domesim.measure.dome.separated import modelled, separated_in, table  # noqa: PLC0415
 
     console = Console(quiet=quiet, json=json)
+    stored = None
+    if transport is not None:
+        with about(transport):
+            stored = load_transport(transport)
     if out.suffix.lower() != ".csv":
         raise InputError(f"--out {out}: the map is a .csv file, name it so")
     picture = out.with_suffix(".png")
@@ -62,7 +67,7 @@ def reflected(
         out, picture, inputs=[survey, task.scene.file, *filter(None, [transport])],
         overwrite=overwrite,
     )  # fmt: skip
-    scene = task.scene.asked(transport, None)
+    scene = task.scene if stored is None else task.scene.with_transport(stored)
     with about(survey):
         found = separated_in(task)
     model = modelled(scene, found.places)

@@ -169,8 +169,9 @@ def _lifting(light: Photometry) -> list[str]:
     if light.lift is None:
         return []
     return [
-        f"Overlaps in black: their edges are seen. 'even_black = true' under [projector] lifts the "
-        f"rest by {decimal(light.lift)} cd/m² on average, the least that hides them"
+        f"Overlaps in black: their edges are seen. Under [projector], even_black = 'projectors' or "
+        f"'frames' lifts the rest by {decimal(light.lift)} cd/m² on average, the least that hides "
+        f"them"
     ]
 
 

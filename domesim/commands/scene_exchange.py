@@ -138,7 +138,7 @@ def export_projectors(
     pixels = None if chosen is None else (int(chosen[1]), int(chosen[2]))
     date = datetime.now(UTC).strftime("%Y-%m-%d %H:%M:%S")
     try:
-        content = written_mpcdi(theatre.theatre, pixels, date)
+        content = written_mpcdi(theatre.as_projected.theatre, pixels, date)
     except InputError as error:
         raise InputError(f"{scene}: {error}") from None
     write_whole(out, content)

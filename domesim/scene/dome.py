@@ -90,6 +90,8 @@ class DomeScene(Scene):
         How it keeps the eyes apart, if it shows 3D.
     sky
         Which light is which magnitude.
+    frames_lift_black
+        Whether frames hide the overlaps in black (`Theatre.black_contrast`), and not projectors.
     grade
         What belongs to the grade of masters.
     file
@@ -113,6 +115,7 @@ class DomeScene(Scene):
     measured: MeasuredSection | None = None
     stereo: DomeStereoSection | None = None
     sky: SkySection = field(default_factory=SkySection)
+    frames_lift_black: bool = False
     grade: Grade = DOMES
     file: str = field(default="", compare=False)
     content: str = field(default="", compare=False)
@@ -163,10 +166,41 @@ class DomeScene(Scene):
         return np.full(shape, black), np.full(shape, self.ambient - black)
 
     def observation(self, rows: int, cols: int) -> AdjointObservation:
-        """See `Scene`; of a pair it is `solvable`."""
+        """See `Scene`: what is seen of any frames; of a pair it is `solvable` of them."""
+        if self.frames_lift_black:
+            return self.as_projected.observation(rows, cols)
         if self.stereo is not None:
             return self.solvable(rows, cols)
         return self.one_view(rows, cols)
+
+    @property
+    def as_projected(self) -> DomeScene:
+        """The theatre as it shows frames: what they lift black by is in them."""
+        if not self.frames_lift_black:
+            return self
+        theatre = replace(self.theatre, black_contrast=None)
+        return _blackened(replace(self, theatre=theatre, frames_lift_black=False))
+
+    def lift(self, rows: int, cols: int) -> NDArray[np.float64] | None:
+        """What frames lift black by, of projector white; None if they do not.
+
+        Parameters
+        ----------
+        rows, cols
+            Size of the domemaster, pixels.
+
+        Returns
+        -------
+        lift
+            (row, col) light that is added to a frame's; 0 off the screen.
+        """
+        if not self.frames_lift_black:
+            return None
+        even, bare = (
+            projectors_black(each.theatre, rows, cols) for each in (self, self.as_projected)
+        )
+        gain = lens_gains(self.theatre, rows, cols).sum(0)
+        return np.asarray((even - bare) / np.where(gain > 0, gain, 1.0))
 
     @cached_property
     def known(self) -> Transport | None:
@@ -281,7 +315,10 @@ class DomeScene(Scene):
         return stored, gain
 
     def solvable(self, rows: int, cols: int) -> AdjointObservation:
-        """See `Scene`; of a stored transport, the strong modes, unless paint is coloured."""
+        """See `Scene`; of a stored transport, the strong modes, unless paint is coloured.
+
+        Light by which frames hide overlaps in black is there without a picture.
+        """
         exact = self.one_view(rows, cols)
         if isinstance(exact, TabulatedDome) and exact.coloured:
             return exact  # no pair: a scene of two views has no coloured paint
@@ -610,7 +647,9 @@ def built(file: DomeFile, folder: Path) -> DomeScene:
     )
     if not any(blacks):
         return scene
-    return scene.with_even_black() if lit.even_black else _blackened(scene)
+    if lit.even_black is None:
+        return _blackened(scene)
+    return replace(scene.with_even_black(), frames_lift_black=lit.even_black == "frames")
 
 
 def _darkened(lens: Lens, black: float) -> Lens:

@@ -280,8 +280,9 @@ class ProjectorSection(Section):
     White is direct light alone, as a small white patch shows it: a full white frame is brighter
     by its own cross-reflection. Black is a full black frame, as it is seen, and the same all over
     the screen; of projectors whose overlaps are brighter, each unit has its own instead.
-    `even_black` says that the projectors lift black outside their overlaps, as little as hides the
-    edges of these: `domesim scene export` writes that for them. Primaries are BT.709, P3-D65,
+    `even_black` says that black is lifted outside overlaps, as little as hides the edges of these:
+    by the projectors, for which `domesim scene export` writes it, or in the frames that
+    `domesim compensate` writes. Primaries are BT.709, P3-D65,
     P3-DCI, BT.2020, or any RGB colour space of the package colour-science. Response is what the
     projector makes of levels, by whatever file or pipe they come: "bt1886", "srgb", an exponent
     such as "2.2", or pairs of code and light from 0 to 1. Without it files say their curves, or
@@ -293,7 +294,7 @@ class ProjectorSection(Section):
     lumens: Annotated[Number, Field(gt=0, le=1e7)] | None = Field(None, validate_default=True)
     black_cd_m2: NoLuminance = 0.0
     response: Response | None = None
-    even_black: StrictBool = False
+    even_black: Literal["projectors", "frames"] | None = None
     lens: LensSection = LensSection()
     units: tuple[UnitSection, ...] = ()
 

@@ -46,7 +46,7 @@ _EXAMPLES: dict[str, Any] = {
     "projector.units.roll_deg": 5.0,
     "projector.units.shift": [0.0, 0.3],
     "projector.units.mask": "left.mask.png",
-    "projector.even_black": True,
+    "projector.even_black": "projectors",
     "projector.units.black_cd_m2": 0.0015,
     "projector.units.blends_black": True,
     "projector.units.uplift": "left.uplift.png",

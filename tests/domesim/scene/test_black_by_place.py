@@ -8,8 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from compensate.pose import pose
+from compensate.master import solve_frame
+from compensate.pose import Stage, pose
 from domesim.errors import InputError
+from domesim.frames import ColourTag, Frame, read_master, write_frame
 from domesim.library import render
 from domesim.pathtrace.observation import PathTracedDome
 from domesim.pathtrace.tracer import Settings
@@ -19,6 +21,7 @@ from domesim.room.theatre import Lamp, Lens, Mask, Theatre
 from domesim.room.unlit import lamp_light, projectors_black, uplift
 from domesim.room.viewing import large_threshold
 from domesim.scene import load_dome, load_scene
+from domesim.scene.screening import decoded
 from domesim.scene.writing import as_toml
 
 DOME = Dome(5.0, np.radians(90), 0.3)
@@ -152,9 +155,9 @@ def test_large_areas_are_seen_by_less_contrast_in_more_light():
     assert large_threshold(np.array(0.0)) == large_threshold(np.array(1e-5))
 
 
-@pytest.mark.parametrize("even", [False, True])
+@pytest.mark.parametrize("even", [None, "projectors"])
 def test_the_black_that_is_seen_is_the_traced_sum_of_the_projectors(even):
-    scene = load_dome(scene_content(even_black=even))
+    scene = load_dome(scene_content(**({} if even is None else {"even_black": even})))
     theatre, light = scene.theatre, np.zeros((1, SIZE, SIZE, 3), np.float32)
     tracer = None
     traced = np.zeros((SIZE, SIZE, 3))
@@ -213,6 +216,33 @@ def test_compensation_takes_black_off_place_by_place():
     assert np.ptp(left[:, 0]) > 0.004
 
 
+def test_frames_hide_overlaps_where_projectors_cannot(tmp_path):
+    """A black master's frame makes the black that projectors would have made."""
+    lifted, by_projectors = (
+        load_dome(scene_content(even_black=each)) for each in ("frames", "projectors")
+    )
+    path = tmp_path / "black.exr"
+    colour = ColourTag("linear", "BT.709", "a test")
+    pixels = np.zeros((SIZE, SIZE, 3), np.float32)
+    write_frame(Frame(pixels, path, colour, 32, floating=True), path)
+    frame = read_master([path])
+    posed, out_of_range = Stage(lifted).pose_frame(frame)
+    made = solve_frame(frame, posed, out_of_range, "perceptual").outcome().frame
+    light = decoded(made, lifted)
+    on = lifted.screen(SIZE, SIZE)
+    assert light[0][on].min() == pytest.approx(0, abs=1e-6)
+    assert light[0][on].max() > 0.3 * max(BLACKS)
+    assert not light[0][~on].any()
+    seen = lifted.observation(SIZE, SIZE).observe(light)[0][on]
+    np.testing.assert_allclose(seen, by_projectors.black_frame(SIZE, SIZE)[on], rtol=2e-3)
+    bare = load_dome(scene_content()).observation(SIZE, SIZE)
+    none = np.zeros_like(light)
+    np.testing.assert_allclose(
+        lifted.observation(SIZE, SIZE).observe(none), bare.observe(none), rtol=1e-5
+    )
+    assert by_projectors.lift(SIZE, SIZE) is None
+
+
 def test_lamps_light_the_screen_as_traced():
     lamps = (
         Lamp("left", (-3.0, 0.5, -0.5), (0.0, 0.2, 0.0), (0.0, 0.0, 0.1), (0.2, 1.0, 0.4)),
@@ -244,7 +274,11 @@ def test_lamps_light_the_screen_as_traced():
         ({"black_cd_m2": 0.01}, {}, "black_cd_m2: contradicts that of the units"),
         ({}, {"black_cd_m2": None}, "units: black_cd_m2 is missing of P2"),
         ({}, {"uplift": "a.png"}, "shift, mask and uplift: are of a perspective lens"),
-        ({"units": [], "even_black": True}, {}, "even_black: needs black_cd_m2 of each of units"),
+        (
+            {"units": [], "even_black": "frames"},
+            {},
+            "even_black: needs black_cd_m2 of each of units",
+        ),
     ],
 )
 def test_what_contradicts_is_refused(projector, units, message):
@@ -258,7 +292,7 @@ def test_what_contradicts_is_refused(projector, units, message):
 
 
 def test_stored_light_stays_where_black_changes():
-    one, other = load_dome(scene_content()), scene_content(even_black=True)
+    one, other = load_dome(scene_content()), scene_content(even_black="projectors")
     for unit in other["projector"]["units"]:
         unit |= {"black_cd_m2": 0.5, "blends_black": True}
     assert load_dome(other).digest == one.digest
@@ -266,16 +300,16 @@ def test_stored_light_stays_where_black_changes():
 
 def test_check_tells_of_black_by_place(tmp_path, run):
     figures = {}
-    for even in (False, True):
+    for even in (None, "projectors"):
         path = tmp_path / f"{even}.toml"
-        path.write_text(as_toml(scene_content(even_black=even)))
+        path.write_text(as_toml(scene_content(**({} if even is None else {"even_black": even}))))
         code, out, _ = run("scene", "check", str(path), "--out", str(path.with_suffix(".png")))
         assert code == 0
-        assert ("Overlaps in black: their edges are seen. 'even_black = true'" in out) is not even
+        assert ("Overlaps in black: their edges are seen." in out) is (even is None)
         assert "by place; sequential contrast" in out
         code, out, _ = run("scene", "check", str(path), "--json")
         figures[even] = json.loads(out)
-    plain, even = figures[False], figures[True]
+    plain, even = figures[None], figures["projectors"]
     on = np.array([plain["black_least_cd_m2"], plain["black_most_cd_m2"]])
     assert on[1] > 2 * on[0] > 0
     risen = even["black_frame_cd_m2"] - plain["black_frame_cd_m2"]

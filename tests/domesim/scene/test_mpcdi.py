@@ -290,7 +290,7 @@ def dark_cove(**projector: Any) -> dict[str, Any]:
 def test_beta_maps_come_back_as_they_were_written(tmp_path: Path, run: Run) -> None:
     """What hides the overlaps is each projector's share of it, to half a code of 16 bits."""
     scene, path = tmp_path / "cove.toml", tmp_path / "cove.mpcdi"
-    scene.write_text(as_toml(dark_cove(even_black=True)))
+    scene.write_text(as_toml(dark_cove(even_black="projectors")))
     assert run("scene", "export", scene, "--out", path, "--size", "240x200")[0] == 0
     room = load_dome(scene)
     for lens, region in zip(room.theatre.lenses, read_mpcdi(path), strict=True):
