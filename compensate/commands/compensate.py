@@ -112,7 +112,7 @@ def compensate(
     console = telling.console()
     choice, scene = place.load(console, gamut)
     recipe = aiming.recipe(choice, method, only_visible=only_visible, spatial=spatial)
-    writing, found = results.writing(repair=masters.repair), doing.find(masters, scene)
+    writing, found = results.writing(scene, repair=masters.repair), doing.find(masters, scene)
     whole = masters.find(scene) if doing.frames else found
     recipe = replace(recipe, titles=titles_of(overlay or [], scene, whole))
     if cue_list is not None:

@@ -25,6 +25,6 @@ def observe(
         Observing(choice),
         console,
         what="observing",
-        writing=results.writing(repair=masters.repair),
+        writing=results.writing(scene, repair=masters.repair),
         facts=place.about(scene),
     )

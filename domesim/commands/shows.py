@@ -11,6 +11,7 @@ import typer
 
 from domesim.commands.options import OutFolder, Repair, finish
 from domesim.errors import InputError
+from domesim.frames.colour import ColourTag
 from domesim.frames.encodings import ENCODINGS, encoding_named
 from domesim.frames.film import FILMS
 from domesim.frames.formats import SUFFIXES, WRITTEN
@@ -148,7 +149,8 @@ class Results:
         typer.Option(
             "--output-encoding",
             help="What the results' code values are, instead of the master's encoding: names as "
-            "for --encoding, such as dcdm for X'Y'Z' (TIFFs then have 12 bits in 16).",
+            "for --encoding, such as dcdm for X'Y'Z' (TIFFs then have 12 bits in 16); or response, "
+            "the levels for the scene's projector.",
             show_default=False,
         ),
     ] = None
@@ -185,8 +187,8 @@ class Results:
         ),
     ] = None
 
-    def writing(self, *, repair: bool) -> Writing:
-        """How results are written, and masters read.
+    def writing(self, scene: Scene, *, repair: bool) -> Writing:
+        """How results are written, and masters of a scene read.
 
         Raises
         ------
@@ -197,7 +199,7 @@ class Results:
             raise InputError(f"--dither {self.dither!r} is not known; use {TPDF} or none")
         colour = None
         if self.output_encoding is not None:
-            colour = encoding_named(self.output_encoding, "--output-encoding")
+            colour = self._encoding(scene)
         together = next((each for each in TOGETHER if each == self.together), None)
         if self.together is not None and together is None:
             raise InputError(
@@ -206,6 +208,20 @@ class Results:
         suffix = suffix_of(self.file_format)
         dither = self.dither == TPDF
         return Writing(suffix, self.bits, dither, repair, self.fps, colour, together)
+
+    def _encoding(self, scene: Scene) -> ColourTag:
+        """What results' code values are to be; by the projector's response, if that is asked."""
+        option, name = "--output-encoding", self.output_encoding or ""
+        curve, _, gamut = name.lower().partition(":")
+        if curve != "response":
+            return encoding_named(name, option)
+        if scene.projector.response is None:
+            raise InputError(
+                f"{option} {name}: {scene.name} states no response of its projector; add one "
+                f'([projector] response = "bt1886"), or name an encoding'
+            )
+        primaries = encoding_named(f"srgb:{gamut or 'bt709'}", option).primaries
+        return ColourTag(scene.projector.response.transfer, primaries, f"{option} {name}")
 
 
 @final
