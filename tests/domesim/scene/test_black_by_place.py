@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from compensate.design import knobs
+from compensate.live.constants import constants_of
 from compensate.master import solve_frame
 from compensate.pose import Stage, pose
 from domesim.errors import InputError
 from domesim.frames import ColourTag, Frame, read_master, write_frame
 from domesim.library import render
+from domesim.measure.dome.measured import projector_section
 from domesim.pathtrace.observation import PathTracedDome
 from domesim.pathtrace.tracer import Settings
 from domesim.room.dome import Dome
@@ -323,3 +327,29 @@ def test_lamps_are_in_the_black_that_check_tells(run):
     assert code == 0
     assert told["black_frame_cd_m2"] > 1.05 * load_dome("dome_planetarium").projector.black
     assert told["black_most_cd_m2"] > 1.1 * told["black_least_cd_m2"]
+
+
+def test_a_measured_black_keeps_the_projectors_shares():
+    """A survey measures the mean; units keep how they share it."""
+    content = scene_content()
+    task = SimpleNamespace(scene=load_dome(content), content=content, absolute=False)
+    black = 1.5 * task.scene.projector.black / 8
+    section = projector_section(task, 8.0, np.ones(3), np.full(3, black))
+    measured = load_dome({**content, "projector": section})
+    assert measured.projector.black == pytest.approx(8 * black)
+    blacks = [lens.black for lens in measured.theatre.lenses]
+    assert blacks == pytest.approx([1.5 * each for each in BLACKS])
+
+
+def test_more_lumens_make_every_black_brighter():
+    content = scene_content()
+    (lumens,) = [knob for knob in knobs(content, trace=False) if knob.name == "lumens"]
+    twice = load_dome(lumens.at(content, 2.0))
+    assert twice.projector.white == 16.0
+    assert twice.projector.black == pytest.approx(2 * load_dome(content).projector.black)
+
+
+def test_live_refuses_black_that_has_places():
+    scene = load_dome(scene_content())
+    with pytest.raises(InputError, match="whose black is the same all over"):
+        constants_of(scene, 64, 64)
