@@ -202,7 +202,7 @@ def test_mpv_under_a_virtual_screen(tmp_path):
     frame = frame_of(scene, size)
     Image.fromarray(frame).save(tmp_path / "frame.png")
     (tmp_path / "show.glsl").write_text(shader_of(scene, size, size, SRGB))
-    shot, ear = tmp_path / "shot.png", tmp_path / "mpv"
+    shots, ear = (tmp_path / "on.png", tmp_path / "off.png"), tmp_path / "mpv"
     options = [
         *("--no-config", "--vo=gpu", "--gpu-api=opengl", "--gpu-sw=yes", "--no-osc"),
         *("--osd-level=0", "--dither-depth=no", "--video-unscaled=yes", "--no-border", "--pause"),
@@ -215,16 +215,17 @@ def test_mpv_under_a_virtual_screen(tmp_path):
         stderr=subprocess.DEVNULL,
     )
     try:
-        _take(shot, ear)
+        _take(shots, ear, tmp_path / "show.glsl")
         player.wait(30)
     finally:
         player.kill()
-    found = np.asarray(Image.open(shot).convert("RGB"))
+    found, without = (np.asarray(Image.open(shot).convert("RGB")) for shot in shots)
     off(found, expected(scene, frame), scene)
+    np.testing.assert_array_equal(without, frame)
 
 
-def _take(shot: Path, ear: Path) -> None:
-    """Ask a player for what it shows, when it has drawn it, and end it."""
+def _take(shots: tuple[Path, Path], ear: Path, shader: Path) -> None:
+    """Asks a player for what it shows with a shader, and with the shader turned off; ends it."""
     for _ in range(200):
         if ear.exists():
             break
@@ -241,13 +242,17 @@ def _take(shot: Path, ear: Path) -> None:
                 pass
             return answer
 
-        for _ in range(100):
-            drawn = ask("get_property", "vo-passes")
-            if drawn["error"] == "success" and len(drawn["data"]["fresh"]) > 10:
-                break
-            time.sleep(0.2)
-        time.sleep(0.5)
-        assert ask("screenshot-to-file", str(shot), "window")["error"] == "success"
+        for shot, turned_on in zip(shots, (True, False), strict=True):
+            for _ in range(100):
+                drawn = ask("get_property", "vo-passes")
+                passes = len(drawn["data"]["fresh"]) if drawn["error"] == "success" else 0
+                if passes and (passes > 10) == turned_on:
+                    break
+                time.sleep(0.2)
+            time.sleep(0.5)
+            assert ask("screenshot-to-file", str(shot), "window")["error"] == "success"
+            switched = ask("change-list", "glsl-shaders", "toggle", str(shader))
+            assert switched["error"] == "success"
         ask("quit")
 
 
