@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +17,8 @@ from domesim.commands import build
 from domesim.frames import ColourTag, Frame, write_frame
 from domesim.host.writing import LIST
 from domesim.measure.dome.camera import Camera
+from domesim.measure.patterns import Codes
+from domesim.measure.patterns.dome import SHIFTED, dome_patterns
 from domesim.scene import load_dome
 from testing.laboratory import Faults, patterns_for, photographed
 
@@ -54,6 +56,7 @@ SLOW = {
     "tabulate": ("dome_hemisphere", "--walks", "1", "--no-check", "--out", "to/a.npz"),
     "measure patterns": ("--stereo", "--size", "64x64", "--out", "to"),
     "measure dome": ("survey.toml", "--residual", "to/a.png", "--out", "to/theatre.toml"),
+    "measure reflected": ("survey.toml", "--out", "to/map.csv"),
     "scene advise": ("dome_hemisphere", "in.png", "--out", "to/advice.svg"),
     "study new": (*EYES, *STEREO, *STUDY, "--out", "to"),
     "study analyse": ("study",),
@@ -122,17 +125,25 @@ def made_for(command: str, run: Callable[..., Outcome]) -> None:
             Path(f"study/answers/viewer-{viewer:03}.json").write_text(
                 f'{{"study": "{study}", "viewer": {viewer}, "answers": [{answers}]}}'
             )
+    dome = load_dome("dome_hemisphere").theatre.dome
     if command == "measure dome":
-        survey()
+        names = ("black", "white", "front", "right", "zenith", "rim", "sectors")
+        survey(names, patterns_for(dome, 64))
+    if command == "measure reflected":
+        boards = [
+            each
+            for each in dome_patterns(dome, Codes(16, floating=False, transfer="linear"), 4)
+            if each.name.startswith(("black", SHIFTED))
+        ]
+        light = [np.asarray(each.codes(192, 192)[0], np.float64) for each in boards]
+        survey([each.name for each in boards], np.stack(light))
 
 
-def survey() -> None:
+def survey(names: Sequence[str], patterns: np.ndarray) -> None:
     """Photographs of a theatre, and their survey."""
     here = Path()
     theatre = load_dome("dome_hemisphere").theatre
     camera = Camera((0.1, -0.5, -0.3), (0.0, 1.5, 1.0), np.radians(220.0))
-    names = ("black", "white", "front", "right", "zenith", "rim", "sectors")
-    patterns = patterns_for(theatre.dome, 64)
     taken = photographed(theatre, camera, patterns, Faults(), walks=24, seed=4)
     for name, pattern, light in zip(names, patterns, taken.light, strict=True):
         for path, pixels in ((f"pattern_{name}.exr", pattern), (f"{name}.exr", light)):
