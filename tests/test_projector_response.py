@@ -118,6 +118,16 @@ def test_files_give_the_same_light(tmp_path: Path, way: str, response: str) -> N
     assert "projector.response" in master.described()
 
 
+def test_the_line_tells_what_the_file_says_else(tmp_path: Path) -> None:
+    path = WAYS["PNG, sRGB"](tmp_path / "in")
+    said = [
+        load_master(path, load_scene(scene_file(tmp_path, each)))[1].colour.source
+        for each in ('"bt1886"', '"srgb"')
+    ]
+    assert said[0] == "the scene's projector.response, and not sRGB (file: sRGB)"
+    assert said[1] == "the scene's projector.response"
+
+
 def test_without_a_response_each_way_has_a_curve_of_its_own(tmp_path: Path) -> None:
     scene = load_scene(scene_file(tmp_path, ""))
     assert scene.projector.response is None

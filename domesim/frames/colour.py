@@ -95,7 +95,7 @@ class ProjectorResponse:
         if not stated.of_display:
             return stated
         source = "the scene's projector.response"
-        if not stated.assumed:
+        if not stated.assumed and stated.transfer != self.transfer:
             source += f", and not {transfer_in_words(stated.transfer)} ({stated.source})"
         return ColourTag(self.transfer, stated.primaries, source)
 
