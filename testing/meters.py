@@ -150,7 +150,8 @@ class Room:
         for degree in range(1, _DEGREE + 1):
             for order in range(-degree, degree + 1):
                 wave = scipy.special.sph_harm_y(degree, abs(order), polar, azimuth)
-                found += self._rng.standard_normal() * (wave.imag if order < 0 else wave.real)
+                real = wave.imag if order < 0 else wave.real
+                found += self._rng.standard_normal() * real * (np.sqrt(2) if order else 1.0)
         found -= np.average(found, weights=weight)
         return np.asarray(found / np.sqrt(np.average(found**2, weights=weight)))
 

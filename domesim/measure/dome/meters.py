@@ -32,6 +32,7 @@ from functools import partial
 from typing import final
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 from scipy.optimize import OptimizeResult, brentq, least_squares
 from scipy.stats import chi2
@@ -51,7 +52,7 @@ Floats = NDArray[np.float64]
 
 UNEVEN = 0.05
 """Rms of a projector's light over the screen, about its mean: smooth (spherical harmonics up to
-degree 3), and else unknown."""
+degree 3, isotropic), and else unknown."""
 COSINE = 0.03
 """How much a lux meter may over- or underrate light from the side: class B of DIN 5032-7."""
 DESCRIBED = 0.25
@@ -226,19 +227,21 @@ class _Field:
         self.angles = self.areas * np.abs(facing) / away**2  # sr, from the middle
         self.cosine = np.maximum(directions[..., 2], 0.0)
         self.projected = float(np.sum(self.angles * self.cosine))  # sr
-        x, y, z = np.moveaxis(directions, -1, 0)
-        powers = itertools.product((0, 1), range(_DEGREE + 1), range(_DEGREE + 1))
-        polynomials = [z**k * x**i * y**j for k, i, j in powers if k + i + j <= _DEGREE]
-        self.modes = self._independent(np.stack(polynomials))
+        self.modes = self._uneven(directions)
 
-    def _independent(self, modes: Floats) -> Floats:
-        """(mode, row, col) orthogonal over the screen, together of rms `UNEVEN`, but the first."""
-        weight = (self.areas / self.areas.sum()).ravel()
-        planes = modes.reshape(len(modes), -1)
-        lower = np.linalg.cholesky((planes * weight) @ planes.T)
-        found = np.linalg.solve(lower, planes)[1:] * (weight > 0)
-        share = UNEVEN / np.sqrt(len(found))
-        return np.asarray(share * found.reshape(len(found), *modes.shape[1:]))
+    def _uneven(self, directions: Floats) -> Floats:
+        """(mode, row, col) of mean 0 over the screen: an isotropic field of rms `UNEVEN`."""
+        x, y, z = np.moveaxis(directions, -1, 0)
+        polar, azimuth = np.arccos(np.clip(z, -1, 1)), np.arctan2(y, x)
+        waves: list[Floats] = []
+        for degree, order in itertools.product(range(1, _DEGREE + 1), range(_DEGREE + 1)):
+            if order <= degree:
+                wave = scipy.special.sph_harm_y(degree, order, polar, azimuth)
+                waves += [wave.real] if order == 0 else [2**0.5 * wave.real, 2**0.5 * wave.imag]
+        weight = self.areas / self.areas.sum()
+        modes = np.stack(waves)
+        modes = modes - np.sum(modes * weight, (1, 2), keepdims=True)
+        return np.asarray(UNEVEN * modes / np.sqrt(np.sum(modes**2 * weight)))
 
     def share(self, one: Reading) -> _Share:
         """What of a pattern a meter reads.

@@ -86,7 +86,7 @@ def require_plain(theatre: Theatre) -> None:
         raise InputError(
             f"wanted a theatre of Lambertian screen, floor and wall, got "
             f"{', '.join(more)}; use 'domesim measure dome "
-            f"--without-geometry', or describe it without them"
+            f"--without-geometry', or describe it without them ('domesim scene new --plain')"
         )
 
 
