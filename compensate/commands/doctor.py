@@ -24,6 +24,7 @@ from domesim.commands.options import Json, Quiet
 from domesim.host.console import Console, sized
 
 _LIBRARIES = ("numpy", "scipy", "openimageio", "mitsuba", "drjit", "typer", "pydantic")
+_DEVELOPERS = ("dev", "docs")
 _BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 _BLOCK = bytes(1 << 23)
 _SECONDS = 1.0
@@ -75,7 +76,7 @@ def _extras() -> dict[str, list[str]]:
     packages = defaultdict(list)
     for line in metadata.requires("domesim") or ():
         name, extra = re.match(r"[\w.-]+", line), re.search(r"extra == ['\"](\w+)", line)
-        if name and extra and "platform" not in line and extra[1] != "dev":
+        if name and extra and "platform" not in line and extra[1] not in _DEVELOPERS:
             packages[extra[1]].append(name[0])
     return dict(packages)
 

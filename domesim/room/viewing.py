@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from domesim.errors import InputError
+from domesim.light.guarded import guarded
 from domesim.room.dome import Dome
 
 SQUARE_DEGREES = np.degrees(1.0) ** 2
@@ -16,6 +17,7 @@ SQUARE_DEGREES = np.degrees(1.0) ** 2
 _DARKEST = 1e-5  # cd/m², below which Crumey holds thresholds
 
 
+@guarded
 def large_threshold(luminance: NDArray[np.floating]) -> NDArray[np.floating]:
     """Contrast at which a large area is just seen against what is around it, forced choice.
 

@@ -119,6 +119,7 @@ VALID: dict[str, dict[str, Any]] = {
     "cone_threshold": {"luminance": PLANE},
     "rod_threshold": {"luminance": PLANE},
     "threshold": {"luminance": PLANE},
+    "large_threshold": {"luminance": PLANE},
     "adaptation_luminance": {"luminance": PLANES, "pixels_per_degree": 8.0, "screen": MASK},
     "transducer": {"signal": PLANE},
     "sensitivity": {"frequency": FREQUENCY, "viewing": SCENE.viewing},
