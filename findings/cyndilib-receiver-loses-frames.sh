@@ -2,7 +2,7 @@
 # cyndilib 0.1.3 (NDI runtime 6.3.2): 60 pictures sent at 30 a second, received by `Receiver.receive`.
 #
 # Guessed: all of them come, perhaps late.
-# Seen:    21 to 30 come. NDI's own count (`get_performance_data`) is of 60, none dropped.
+# Seen:    16 to 30 come. NDI's own count (`get_performance_data`) is of 60, none dropped.
 #
 # Why: `Receiver` always makes a frame synchroniser of the same NDI receiver, and its attribute
 # `frame_sync` does not take it away again. NDI's synchroniser fetches pictures for itself, and
