@@ -18,6 +18,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+import psutil
 from numpy.typing import NDArray
 
 from compensate.live.ndi import Receiver, Sender, decoded, encoded
@@ -26,8 +27,6 @@ BITS, CELL = 5, 8
 RATE = Fraction(30000, 1001)
 SHOW, OUT = f"show {os.getpid()}", f"dome {os.getpid()}"
 """Names are a computer's, whatever network a program is in."""
-DOME = "127.0.0.1:5962"
-"""Where the second source of a computer is: without Avahi no list has those of two programs."""
 CONFIG = {"ndi": {"networks": {"ips": "127.0.0.1"}}}
 """Without it sender and receiver do not meet on loopback."""
 
@@ -101,6 +100,22 @@ def taken(receiver: Receiver, count: int) -> list[NDArray[np.uint16]]:
     return found
 
 
+def address_of(pid: int, ended: threading.Event) -> str:
+    """Where a program's source is: without Avahi no list has those of two programs.
+
+    Of its two ports the lower one is for lists, and everybody's.
+    """
+    while not ended.wait(0.1):
+        ports = {
+            each.laddr.port
+            for each in psutil.net_connections("tcp")
+            if each.pid == pid and each.status == psutil.CONN_LISTEN
+        }
+        if len(ports) > 1:
+            return f"127.0.0.1:{max(ports)}"
+    raise TimeoutError("no source")
+
+
 def main(scene: str, out: str, rows: int, cols: int, alpha: bool, rate: float, count: int) -> None:
     """Sends, compensates and receives; stores what came."""
     ended = threading.Event()
@@ -109,18 +124,16 @@ def main(scene: str, out: str, rows: int, cols: int, alpha: bool, rate: float, c
     timer.start()
     sending = Sending(rows, cols, alpha=alpha, rate=rate)
     told: list[str] = []
+    facts: dict[str, Any] = {}
     command = ["live", "--scene", scene, "--ndi-in", SHOW, "--ndi-out", OUT, "--json"]
     with subprocess.Popen(
         [sys.executable, "-m", "domesim", *command], stderr=subprocess.PIPE, text=True
     ) as live:
         try:
-            with Receiver(DOME, ended, told.append) as receiver:
+            with Receiver(address_of(live.pid, ended), ended, told.append) as receiver:
                 assert receiver.connect()
                 made = taken(receiver, count)
-                facts: dict[str, Any] = {
-                    "made_rate": float(receiver.rate),
-                    "made_alpha": receiver.alpha,
-                }
+                facts |= {"made_rate": float(receiver.rate), "made_alpha": receiver.alpha}
         finally:
             live.send_signal(signal.SIGINT)
             facts["said"] = live.communicate(timeout=60)[1]
@@ -147,7 +160,7 @@ def alone(folder: Path, *arguments: object) -> subprocess.CompletedProcess[str]:
         env={**os.environ, "NDI_CONFIG_DIR": str(folder), "PYTHONPATH": os.pathsep.join(sys.path)},
         capture_output=True,
         text=True,
-        timeout=240,
+        timeout=150,
         check=False,
     )
 

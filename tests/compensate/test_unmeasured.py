@@ -100,6 +100,7 @@ def test_it_is_worth_doing_where_frames_gain_at_every_albedo(untouched, guessed,
     assert ("to measure it would gain up to" in told) is regains
 
 
+@pytest.mark.long
 def test_check_and_compare_say_it(tmp_path, run):
     light = np.zeros((SIZE, SIZE, 3), np.float32)
     light[36:46, 20:44] = 1

@@ -90,6 +90,7 @@ def pair(tmp_path_factory: pytest.TempPathFactory) -> Chain:
     return chain(folder, "stereo_cinema_silver", 2 * SIDE, alpha=False)
 
 
+@pytest.mark.long
 def test_the_sky_comes_back(dome: Chain) -> None:
     """What NDI's own compression changes."""
     for pixels in dome.straight:
@@ -128,20 +129,24 @@ def close(found: Chain, scene: Scene, *, alpha: bool) -> None:
             assert np.abs(pixels[..., 3].astype(int) - wanted[number][..., 3]).max() <= 257
 
 
+@pytest.mark.long
 def test_a_dome_is_what_the_pipe_makes(dome: Chain) -> None:
     close(dome, load_scene("dome_planetarium"), alpha=True)
 
 
+@pytest.mark.long
 def test_a_pair_is_what_the_pipe_makes(pair: Chain) -> None:
     close(pair, load_scene("stereo_cinema_silver"), alpha=False)
 
 
+@pytest.mark.long
 def test_rate_and_alpha_are_kept(dome: Chain, pair: Chain) -> None:
     for found, alpha in ((dome, True), (pair, False)):
         assert found.facts["rate"] == found.facts["made_rate"] == float(RATE)
         assert found.facts["alpha"] is found.facts["made_alpha"] is alpha
 
 
+@pytest.mark.long
 def test_an_end_is_told(dome: Chain) -> None:
     assert dome.facts["code"] == 0
     figures = json.loads(dome.facts["said"].partition("ready\n")[2])
@@ -149,6 +154,7 @@ def test_an_end_is_told(dome: Chain) -> None:
     assert figures["latency_frames"] < 3
 
 
+@pytest.mark.long
 def test_a_source_that_goes_away_is_waited_for(dome: Chain) -> None:
     assert len(dome.later) == 3
     assert "NDI source show has gone; it is waited for" in dome.facts["told"]

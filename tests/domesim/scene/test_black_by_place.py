@@ -159,7 +159,7 @@ def test_large_areas_are_seen_by_less_contrast_in_more_light():
     assert large_threshold(np.array(0.0)) == large_threshold(np.array(1e-5))
 
 
-@pytest.mark.parametrize("even", [None, "projectors"])
+@pytest.mark.parametrize("even", [None, pytest.param("projectors", marks=pytest.mark.long)])
 def test_the_black_that_is_seen_is_the_traced_sum_of_the_projectors(even):
     scene = load_dome(scene_content(**({} if even is None else {"even_black": even})))
     theatre, light = scene.theatre, np.zeros((1, SIZE, SIZE, 3), np.float32)
@@ -302,6 +302,7 @@ def test_stored_light_stays_where_black_changes():
     assert load_dome(other).digest == one.digest
 
 
+@pytest.mark.long
 def test_check_tells_of_black_by_place(tmp_path, run):
     figures = {}
     for even in (None, "projectors"):
@@ -321,6 +322,7 @@ def test_check_tells_of_black_by_place(tmp_path, run):
     assert even["black_lift_cd_m2"] is None
 
 
+@pytest.mark.long
 def test_lamps_are_in_the_black_that_check_tells(run):
     code, out, _ = run("scene", "check", "dome_planetarium", "--json")
     told = json.loads(out)

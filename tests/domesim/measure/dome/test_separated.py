@@ -100,7 +100,13 @@ def test_light_is_taken_apart_as_it_was_put_together(photographed_black):
     assert found.places.shape == (2, len(found.ratio))
 
 
-@pytest.mark.parametrize("theatre", [RECESSED, ROOMS["leaning"]], ids=["recessed", "leaning"])
+@pytest.mark.parametrize(
+    "theatre",
+    [
+        pytest.param(RECESSED, id="recessed"),
+        pytest.param(ROOMS["leaning"], id="leaning", marks=pytest.mark.long),
+    ],
+)
 def test_the_map_is_that_of_tabulation_in_traced_rooms(theatre):
     """Nayar's map and the tabulated room agree within 3 %; a wrong room does not."""
     names, light = boards(theatre.dome)
