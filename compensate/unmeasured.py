@@ -21,7 +21,7 @@ from compensate.ruler import NO_DIFFERENCE
 from compensate.solve import solved
 from domesim.host.numbers import decimal
 from domesim.light import Light
-from domesim.light.blocks import light_sums
+from domesim.light.blocks import light_means
 from domesim.scene import DomeScene, Scene
 from domesim.scene.screening import decoded, within_range
 
@@ -154,9 +154,7 @@ def by_the_night(scene: Scene) -> tuple[str, dict[str, Any]] | None:
     if not isinstance(scene, DomeScene) or scene.albedo_measured:
         return None
     night = decoded(bundled_night(), scene.one_eye)
-    rows, cols = night.shape[1:3]
-    night = light_sums(night, _BLOCK, np.ones((rows, cols), bool)) / _BLOCK**2
-    night = np.repeat(night, scene.views, axis=0)
+    night = np.repeat(light_means(night, _BLOCK), scene.views, axis=0)
     posed = Stage(scene).pose(within_range(night, scene.screen(*night.shape[1:3]))[0])
     found = unmeasured(posed, solved(posed, "perceptual").light)
     if found is None:
