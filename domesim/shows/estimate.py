@@ -8,12 +8,15 @@ from __future__ import annotations
 
 import tempfile
 import time
-from collections.abc import Sequence
+from collections import defaultdict
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import chain
 from pathlib import Path
 from statistics import mean
 from typing import Any, final
+
+import psutil
 
 from domesim.errors import InputError
 from domesim.frames import ColourTag
@@ -58,11 +61,14 @@ class _Tried:
 
     frames: dict[Order, Finished] = field(default_factory=dict)
     failed: list[str] = field(default_factory=list)
+    ends: list[tuple[tuple[str, int], float]] = field(default_factory=list)  # whose, and when
 
     def end(self, order: Order, outcome: Finished | Failed) -> None:
         """Takes the outcome of a frame."""
         if isinstance(outcome, Finished):
             self.frames[order] = outcome
+            maker = outcome.maker["host"], outcome.maker["pid"]
+            self.ends.append((maker, time.perf_counter()))
         else:
             self.failed.append(outcome.reason)
             complain(outcome.reason)
@@ -136,8 +142,10 @@ def estimate(
         part = show.some(chosen)
         outputs = _outputs(part, writing, Path(scratch))
         orders = orders_of(part, outputs, recipe, writing)
+        age, began = _age(), time.perf_counter()
         with console.progress("trying", len(orders)) as start:
             do_all(orders, crew, start, tried.end, console)
+        ended = time.perf_counter()
         if not tried.frames:
             raise InputError(f"no frame of {len(chosen)} could be done: {tried.failed[0]}")
         size = _bytes_in(Path(scratch)) / len(tried.frames)
@@ -147,8 +155,8 @@ def estimate(
             video = _video(tried, films, count, Path(scratch), console)
     peak = max(each.maker["peak"] for each in tried.frames.values())
     own = peak_memory()
-    steady, first = _steady(list(tried.frames.values()))
-    seconds = first + steady * count / workers + pages.seconds + video.seconds
+    steady, around = _pace(tried.ends, began, ended)
+    seconds = age + around + steady * count / workers + pages.seconds + video.seconds
     figures = {
         "frames": count,
         "sampled": len(tried.frames),
@@ -227,18 +235,30 @@ def _video(tried: _Tried, films: Films, count: int, scratch: Path, console: Cons
     return _Cost(seconds, disk)
 
 
-def _steady(trials: Sequence[Finished]) -> tuple[float, float]:
-    """Seconds of a frame once a worker is ready, and what getting ready takes besides."""
-    firsts: list[float] = []
-    others: list[float] = []
-    seen = set()
-    for each in trials:
-        worker = each.maker["host"], each.maker["pid"]
-        (others if worker in seen else firsts).append(sum(each.seconds.values()))
-        seen.add(worker)
-    if not others:
-        return mean(firsts), 0.0
-    return mean(others), max(0.0, mean(firsts) - mean(others))
+def _age() -> float:
+    """Seconds since this process began: a command starts before it does anything."""
+    return time.time() - float(psutil.Process().create_time())
+
+
+def _pace(
+    ends: Sequence[tuple[Hashable, float]], began: float, ended: float
+) -> tuple[float, float]:
+    """Seconds from a worker's frame to its next, and what its start and the end take besides.
+
+    Parameters
+    ----------
+    ends
+        Who ended a frame, and when, in order.
+    began, ended
+        When all of it began and ended.
+    """
+    known = defaultdict[Hashable, list[float]](list)
+    for maker, second in ends:
+        known[maker].append(second)
+    first = mean(each[0] for each in known.values()) - began
+    paces = [(each[-1] - each[0]) / (len(each) - 1) for each in known.values() if each[1:]]
+    steady = mean(paces) if paces else first
+    return steady, max(0.0, first - steady) + ended - ends[-1][1]
 
 
 def _core_seconds(trials: Sequence[Finished]) -> float:
