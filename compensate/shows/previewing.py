@@ -8,7 +8,7 @@ of reports (`compensate.shows.over_time`).
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, final
@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from compensate.figures import Appraisal
 from compensate.pose import Posed, Stage
 from compensate.ruler import whole_block_of
+from compensate.shows.eyes import doubt
 from compensate.shows.over_time import timeline
 from compensate.solve import solved
 from domesim.errors import InputError
@@ -34,6 +35,7 @@ from domesim.light.transfer import SRGB
 from domesim.observation.stereo import VIEWS
 from domesim.scene.choice import SceneChoice
 from domesim.scene.screening import averaged_on_screen
+from domesim.shows.first_look import look
 from domesim.shows.run import Running, crew_of, figures_of_all, orders_of
 from domesim.shows.show import Show
 from domesim.shows.timeline import Panel
@@ -147,6 +149,10 @@ class Previewing(Recipe):
         across = 1 if self.wipe else len(WAYS)
         return (SIZE[0] - (across - 1) * _GAP) // across, SIZE[1] - _GRAPH - _CAPTION
 
+    def doubt(self, masters: Iterable[Master]) -> str | None:
+        """See `Recipe`: whether left and right belong together."""
+        return doubt(masters, self.scene.load())
+
     def settings(self) -> dict[str, Any]:
         """See `Recipe`."""
         return {"command": "preview", **self.scene.settings(), "wipe": self.wipe}
@@ -224,8 +230,10 @@ def write_preview(
     Raises
     ------
     InputError
-        If a master cannot be read, or the film not be written.
+        If a master cannot be read, its frames are doubted (`Recipe.doubt`), or the film cannot be
+        written.
     """
+    look(show, recipe, path.parent, repair=repair)
     theatre = recipe.scene.load()
     with tempfile.TemporaryDirectory(prefix=".domesim-", dir=path.parent) as scratch:
         # The picture goes to the first; others are what a result of such masters has

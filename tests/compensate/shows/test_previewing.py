@@ -157,3 +157,19 @@ def test_what_cannot_be(run: Run, masters: Path, tmp_path: Path) -> None:
     assert film.read_bytes() == b"a film of somebody's"
     with pytest.raises(InputError):
         Brightness(display=-1)
+
+
+def test_a_pair_is_looked_at_first(tmp_path: Path, run: Run) -> None:
+    """As `compensate` does: before any frame is done."""
+    for number in range(2):
+        for eye, light in (("l", 0.8), ("r", 0.2)):
+            row = np.linspace(0, 1, 64)[None, :, None] + np.zeros((36, 1, 3))
+            path = tmp_path / f"{eye}.{number}.png"
+            codes = SRGB().encode(light * row).astype(np.float32)
+            write_frame(Frame(codes, path, COLOUR, 16, floating=False), path)
+    film, pair = tmp_path / "film.mp4", ("--left", tmp_path / "l.#.png", "--right")
+    how = ("--scene", "stereo_spectral", "--workers", 0, "--out", film)
+    asked = run("preview", *pair, tmp_path / "r.#.png", *how)
+    asked.is_refused("left 4.00 times as bright as right", "--as-given")
+    assert not film.exists()
+    assert run("preview", *pair, tmp_path / "r.#.png", *how, "--as-given").code == 0
