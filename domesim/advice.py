@@ -122,6 +122,11 @@ ADVICE = {
     "a film in a player": Advice(
         "mpv", "--glsl-shader={shader} --fullscreen {film}", "the film as the shader shows it"
     ),
+    "a film in gpu-next": Advice(
+        "mpv",
+        "--vo=gpu-next --glsl-shader={shader} --glsl-shader-opts=lift=1,compensating=1 {film}",
+        "the same; its options are the shader's lift, and 0 for the film as it is",
+    ),
     "a film by its shader": Advice(
         "ffmpeg",
         "-init_hw_device vulkan=v -filter_hw_device v -i show.mov \\\n"

@@ -90,10 +90,10 @@ def made(
     if scene.views == 2:
         rows, cols = (rows, cols // 2) if beside else (rows // 2, cols)
     name, engine = engine_for(
-        scene, rows, cols, pixels, beside=beside, by=by, device=device, colour=colour, aim=aim
+        scene, rows, cols, pixels, beside=beside, by=by, device=device, colour=colour
     )
     assert name == by
-    return np.array(engine(frame, 0))
+    return np.array(engine(frame, 0, (aim or Aim()).lift))
 
 
 def engine_for(
@@ -107,7 +107,6 @@ def engine_for(
     device: str | None = "cpu",
     colour: str = "srgb",
     dithers: bool = False,
-    aim: Aim | None = None,
 ) -> tuple[str, Engine]:
     """What computes frames, and its name; tests have no compiled loops else."""
     coding = Coding(scene.projector, encoding_named(colour))
@@ -115,7 +114,7 @@ def engine_for(
         patch.setenv("DOMESIM_FAST", "0" if by == "numpy" else "1")
         return engine_of(
             scene, rows, cols, coding, PIXEL_FORMATS[pixels],
-            beside=beside, aim=aim or Aim(), dithers=dithers, device=device,
+            beside=beside, dithers=dithers, device=device,
         )  # fmt: skip
 
 

@@ -509,6 +509,7 @@ PROGRAMS = (
 UNTRIED = {
     "a film by its shader": "tests/compensate/live has it, where Vulkan is",
     "a film in a player": "tests/compensate/live has it, where mpv and a screen are",
+    "a film in gpu-next": "tests/compensate/live has it, where mpv has libplacebo 6",
 }
 
 

@@ -12,12 +12,13 @@ import typer
 from compensate.commands.aiming import Aiming
 from compensate.methods import METHODS
 from compensate.shows.compensating import worse_than_untouched
-from compensate.shows.cue_list import read_cue_list
-from compensate.shows.cues import AUTO, CANDIDATES, Cue, Looking, cued, starts
+from compensate.shows.cue_list import CANDIDATES, read_cue_list
+from compensate.shows.cues import AUTO, Cue, Looking, cued, listed
 from compensate.shows.titles import titles_of
 from compensate.solver.fitting import Fitted
 from domesim.commands.options import Place, Telling, grouped
 from domesim.commands.shows import Doing, Masters, Results, film_asked
+from domesim.errors import InputError
 from domesim.scene.grade import CLIPPED, KEPT
 from domesim.shows.first_look import keep, look
 from domesim.shows.job import FOLDER
@@ -116,7 +117,9 @@ def compensate(
     whole = masters.find(scene) if doing.frames else found
     recipe = replace(recipe, titles=titles_of(overlay or [], scene, whole))
     if cue_list is not None:
-        recipe = replace(recipe, cue_list=read_cue_list(cue_list, CANDIDATES))
+        if method == AUTO:
+            raise InputError(f"--cues tells each frame's method: leave --method {AUTO} out")
+        recipe = replace(recipe, cue_list=read_cue_list(cue_list))
     recipe.require_sense(scene)
     if doing.scheduler is None:  # whose workers may have a device that this machine has not
         solver = recipe.solver(scene, console.note)
@@ -131,7 +134,7 @@ def compensate(
         running = doing.running()
         cues = cued(whole, folder, looking, console, writing=writing, running=running)
         keep(looked, folder / FOLDER)  # or the job would look again
-        recipe = replace(recipe, cues=starts(cues))
+        recipe = replace(recipe, cue_list=listed(cues))
 
     def summary(done: Done) -> dict[str, Any]:
         if line := worse_than_untouched(done.frames):

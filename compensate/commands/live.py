@@ -20,10 +20,11 @@ import typer
 
 from compensate.aim import Aim
 from compensate.live.coding import PIXEL_FORMATS, Coding, PixelFormat
-from compensate.live.engines import engine_of
+from compensate.live.engines import Engine, engine_of
 from compensate.live.ndi import Receiver, Sender, encoded
 from compensate.live.process import (
     HELD,
+    Compensate,
     Report,
     read_exactly,
     read_into,
@@ -32,6 +33,7 @@ from compensate.live.process import (
     widen,
 )
 from compensate.live.y4m import FRAME, LONGEST, Y4M, header_of
+from compensate.shows.cue_list import CANDIDATES, CueList, read_cue_list
 from domesim.advice import ADVICE
 from domesim.commands.options import Overwrite, Place, Quiet, grouped
 from domesim.commands.shows import TPDF
@@ -78,6 +80,16 @@ Lift = Annotated[
         show_default=False,
     ),
 ]
+Cued = Annotated[
+    Path | None,
+    typer.Option(
+        "--cues",
+        metavar="FILE",
+        help="A cue list (CSV), as for 'domesim compensate'. The first frame that comes is number "
+        "1.",
+        show_default=False,
+    ),
+]
 
 _INPUT, _OUTPUT = 0, 1  # file descriptors
 
@@ -99,6 +111,7 @@ def live(
     packing: Packed = None,
     encoding: Encoded = None,
     lift: Lift = None,
+    cue_list: Cued = None,
     dither: Annotated[
         str, typer.Option(help="How codes are rounded: tpdf, with noise, or none.")
     ] = TPDF,
@@ -146,7 +159,8 @@ def live(
         raise InputError(
             f"--pixel-format {pixel_format!r} is not known; use {', '.join(PIXEL_FORMATS)}"
         )
-    settings: Any = {"aim": Aim() if lift is None else Aim(lift=lift), "dithers": _dithers(dither)}
+    usual, dithers = Aim() if lift is None else Aim(lift=lift), _dithers(dither)
+    cues = None if cue_list is None else read_cue_list(cue_list)
     if (ndi_in is None) != (ndi_out is None):
         raise InputError("live: --ndi-in and --ndi-out belong together; name both")
     over, told = threading.Event(), partial(print, file=sys.stderr, flush=True)
@@ -158,14 +172,20 @@ def live(
             way = _by_pipes(size, pixels, drop=drop)
         if way is None:
             return
-        settings["dithers"] &= way.dithers
         rows, cols, beside = _views(theatre, way.width, way.height, packing)
         coding = Coding(theatre.projector, _meaning(theatre, encoding, way.usual))
-        name, compensated = engine_of(
-            theatre, rows, cols, coding, way.pixels, beside=beside, device=device, **settings
+        name, engine = engine_of(
+            theatre,
+            rows,
+            cols,
+            coding,
+            way.pixels,
+            beside=beside,
+            device=device,
+            dithers=dithers and way.dithers,
         )
         first = np.zeros((way.height, way.width, way.pixels.channels), way.pixels.dtype)
-        compensated(first, 0)  # compiles
+        engine(first, 0, usual.lift)  # compiles
         if not quiet:
             told(
                 f"{theatre.name}: {way.width} x {way.height}, {_told(coding.colour)}, by {name}: "
@@ -173,12 +193,26 @@ def live(
             )
         if way.begin:
             os.write(_OUTPUT, way.begin)
+        compensated = _cued(engine, cues or CueList("none", ()), usual.lift)
         report = stream(way.frames, compensated, way.sink, drop=way.drop, head=way.head)
     if json:
         facts = {**place.about(theatre), "computed_by": name, **report.figures(fps or way.rate)}
         print(to_json.dumps(facts, indent=1), file=sys.stderr)
     elif not quiet:
         print(_line(report), file=sys.stderr)
+
+
+def _cued(engine: Engine, cues: CueList, usual: float) -> Compensate:
+    """What makes each frame as a cue list says; `usual` is the lift of those it does not name."""
+
+    def compensated(codes: Any, number: int) -> Any:
+        at = number + 1  # as a video's frames are counted
+        method = cues.method(at, CANDIDATES[0])
+        if method == "none":
+            return codes.copy()  # its place is read into before this has gone out
+        return engine(codes, number, 0.0 if method == "subtractive" else cues.lift(at, usual))
+
+    return compensated
 
 
 @final
@@ -264,7 +298,8 @@ def _by_ndi(source: Receiver, out: str, held: ExitStack, size: str | None) -> _W
 def shader(
     place: Place,
     out: Annotated[
-        Path, typer.Option("--out", help="The shader to write, a .glsl file.", show_default=False)
+        Path,
+        typer.Option("--out", help="The shader to write: .glsl; .fs of ISF.", show_default=False),
     ],
     size: Annotated[
         str,
@@ -274,14 +309,32 @@ def shader(
             show_default=False,
         ),
     ],
+    player: Annotated[
+        str,
+        typer.Option(
+            "--for",
+            help="Who runs it: mpv, any of them, and FFmpeg's libplacebo; gpu-next, mpv with that "
+            "output (libplacebo 6), whose options are its lift and its switch; isf, hosts of the "
+            "Interactive Shader Format (VDMX, MadMapper), which have them as inputs.",
+        ),
+    ] = "mpv",
     packing: Packed = None,
     encoding: Encoded = None,
     lift: Lift = None,
     overwrite: Overwrite = False,
     quiet: Quiet = False,
 ) -> None:
-    """Write a user shader for mpv and FFmpeg's libplacebo that compensates a video as it plays."""
-    from compensate.live.shader import shader_of  # noqa: PLC0415 - not for live
+    """Write a shader that compensates a video as it plays, for mpv, FFmpeg and ISF hosts."""
+    from compensate.live.isf import isf_of  # noqa: PLC0415 - not for live
+    from compensate.live.shader import shader_of  # noqa: PLC0415
+
+    writers: dict[str, Callable[..., str]] = {
+        "mpv": shader_of,
+        "gpu-next": partial(shader_of, uniforms=True),
+        "isf": isf_of,
+    }
+    if player not in writers:
+        raise InputError(f"--for {player!r} is not known; use one of {', '.join(writers)}")
 
     theatre = place.load(Console(quiet=True))[1]  # standard output is not for text
     width, height = _size(size)
@@ -289,11 +342,14 @@ def shader(
     rows, cols, beside = _views(theatre, width, height, packing)
     colour = _meaning(theatre, encoding, "bt709")
     prepare(out, inputs=place.files(), overwrite=overwrite)
-    write_whole(out, shader_of(theatre, rows, cols, colour, beside=beside, aim=aim).encode())
-    Console(quiet=quiet).say(
-        f"{theatre.name}: {width} x {height}, {_told(colour)}",
-        ADVICE["a film in a player"].given(shader=out, film="VIDEO"),
-    )
+    text = writers[player](theatre, rows, cols, colour, beside=beside, aim=aim)
+    write_whole(out, text.encode())
+    advice = {
+        "mpv": ADVICE["a film in a player"].given(shader=out, film="VIDEO"),
+        "gpu-next": ADVICE["a film in gpu-next"].given(shader=out, film="VIDEO"),
+        "isf": f"-> {out}",
+    }
+    Console(quiet=quiet).say(f"{theatre.name}: {width} x {height}, {_told(colour)}", advice[player])
 
 
 def _meaning(theatre: Scene, encoding: str | None, usual: str) -> ColourTag:

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, final
 import numpy as np
 from numpy.typing import NDArray
 
-from compensate.aim import Sight
+from compensate.aim import Aim, Sight
 from compensate.aim.dome import lifted
 from compensate.aim.pair import veiled
 from compensate.devices import fetched, sender_to
@@ -65,7 +65,7 @@ class ByArrays:
         device: str,
     ) -> None:
         send = self._send = sender_to(device)
-        self._aim, self._pixels, self._beside = constants.aim, pixels, beside
+        self._pixels, self._beside = pixels, beside
         rows, cols = constants.shape
         self._shape = scene.views, rows, cols
         screen = self._screen = scene.screen(rows, cols)
@@ -90,7 +90,7 @@ class ByArrays:
         elif isinstance(observation, LowRankObservation):
             self._of_master, self._of_aim = (_Subtraction(observation, self._on) for _ in range(2))
 
-    def __call__(self, codes: NDArray[Any], number: int) -> NDArray[Any]:
+    def __call__(self, codes: NDArray[Any], number: int, lift: float) -> NDArray[Any]:
         """The frame (row, col, channel) to project; see `compensate.live.dome`."""
         axis = 1 if self._beside else 0
         frame = self._send(codes.view("u1").reshape(*codes.shape, -1))
@@ -101,7 +101,7 @@ class ByArrays:
         if self._kept is not None:
             light = light + self._kept
         light = light * self._on
-        light = xp.moveaxis(self._projected(xp.moveaxis(light, 0, -1)), -1, 0)
+        light = xp.moveaxis(self._projected(xp.moveaxis(light, 0, -1), Aim(lift)), -1, 0)
         back = None if self._mixing is None else np.linalg.inv(self._mixing)
         light = xp.clip(_mixed(light, back), 0, 1)
         planes = [self._encoded(light[p, ...], p, number) for p in range(3)]
@@ -165,9 +165,9 @@ class ByArrays:
             noise.append(_taken(self._noise[0, :], at) + second)
         return xp.stack(noise)
 
-    def _projected(self, desired: Light) -> Light:
+    def _projected(self, desired: Light, aim: Aim) -> Light:
         """Light that shows the aim of a master; see `compensate.solve`."""
-        observation, aim, sight = self._observation, self._aim, self._sight
+        observation, sight = self._observation, self._sight
         xp = namespace(desired)
         if isinstance(observation, Crosstalk):
             left = observation.observe(self._of_pair(observation, desired)) - desired

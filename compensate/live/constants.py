@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
-from compensate.aim import Aim, Sight, dome, pair
+from compensate.aim import Sight, dome, pair
 from compensate.blocks import smooth
 from domesim.errors import InputError
 from domesim.light.blocks import block_sums
@@ -45,8 +45,6 @@ class DomeConstants:
 
     Parameters
     ----------
-    aim
-        Its settings.
     screen
         (row, col) bool.
     weights
@@ -71,7 +69,6 @@ class DomeConstants:
         (1, primary) light without a picture that belongs to the grade.
     """
 
-    aim: Aim
     screen: NDArray[np.bool_]
     weights: Floats
     dark: float
@@ -99,8 +96,6 @@ class PairConstants:
 
     Parameters
     ----------
-    aim
-        Its settings.
     rows, cols
         Of each view.
     weights
@@ -121,7 +116,6 @@ class PairConstants:
         (view, primary) how much of that belongs to the grade.
     """
 
-    aim: Aim
     rows: int
     cols: int
     weights: Floats
@@ -139,16 +133,11 @@ class PairConstants:
         """(row, col) of a view."""
         return self.rows, self.cols
 
-    @property
-    def veil(self) -> float:
-        """Light of a veil over its ghost's local mean."""
-        return pair.SHARE * self.aim.lift
-
 
 Constants: TypeAlias = DomeConstants | PairConstants
 
 
-def constants_of(scene: Scene, rows: int, cols: int, aim: Aim | None = None) -> Constants:
+def constants_of(scene: Scene, rows: int, cols: int) -> Constants:
     """Computes what a scene means for live pictures of one size.
 
     Parameters
@@ -157,8 +146,6 @@ def constants_of(scene: Scene, rows: int, cols: int, aim: Aim | None = None) -> 
         The theatre, or stereo system.
     rows, cols
         Size of a view, pixels.
-    aim
-        Its settings; the default's if None.
 
     Returns
     -------
@@ -172,7 +159,6 @@ def constants_of(scene: Scene, rows: int, cols: int, aim: Aim | None = None) -> 
         a lens scatters light, a room reflects a pair, a dome whose lens is not corrected keeps
         light without a picture, or it cannot show such a picture.
     """
-    aim = aim or Aim()
     if scene.several_seats:
         raise InputError(f"{scene.name}: live pictures are for one seat; name one (--seat)")
     observation = scene.solvable(rows, cols)
@@ -194,9 +180,9 @@ def constants_of(scene: Scene, rows: int, cols: int, aim: Aim | None = None) -> 
                 f"{scene.name}: live pictures keep light without a picture only where lenses are "
                 f"corrected; use --black {TAKEN_OUT} and --ambient {TAKEN_OUT}"
             )
-        return _of_dome(observation, sight, aim, scene.kept)
+        return _of_dome(observation, sight, scene.kept)
     if isinstance(observation, Crosstalk) and scene.views == 2 and observation.black.ndim == 2:
-        return _of_pair(observation, sight, aim, scene.kept)
+        return _of_pair(observation, sight, scene.kept)
     raise InputError(
         f"{scene.name}: live pictures are of domes and rooms with one view, or of linear "
         f"crosstalk of a pair, not of many views, displays before a photograph, 3D domes, tables "
@@ -217,9 +203,7 @@ def turns_of(k: PairConstants) -> int:
     return 1 + math.ceil(math.log(1e-5) / math.log(min(max(strength, 1e-5), 0.9)))
 
 
-def _of_dome(
-    observation: LowRankObservation, sight: Sight, aim: Aim, kept: Floats
-) -> DomeConstants:
+def _of_dome(observation: LowRankObservation, sight: Sight, kept: Floats) -> DomeConstants:
     f, screen = observation.factors, observation.screen
     block, radius = dome.block_of(sight.density)
     cell = block * -(-max(screen.shape) // (CELLS * block))
@@ -237,7 +221,6 @@ def _of_dome(
 
     gain = np.asarray(f.direct_gain, np.float64)
     return DomeConstants(
-        aim=aim,
         screen=screen,
         weights=sight.weights,
         dark=dome.DARK / sight.white,
@@ -253,7 +236,7 @@ def _of_dome(
     )
 
 
-def _of_pair(observation: Crosstalk, sight: Sight, aim: Aim, kept: Floats) -> PairConstants:
+def _of_pair(observation: Crosstalk, sight: Sight, kept: Floats) -> PairConstants:
     rows, cols = observation.shape[1:3]
     block, sigma = pair.block_of(sight.density)
     cell, share = 0, observation.share.max(axis=(1, 2), keepdims=True)
@@ -261,7 +244,6 @@ def _of_pair(observation: Crosstalk, sight: Sight, aim: Aim, kept: Floats) -> Pa
         cell = -(-max(rows, cols) // CELLS)
         share = block_sums(observation.share, cell) / block_sums(np.ones((rows, cols)), cell)
     return PairConstants(
-        aim=aim,
         rows=rows,
         cols=cols,
         weights=sight.weights,

@@ -81,7 +81,7 @@ class CompiledDome:
         )
         self._excited = [np.zeros((3, len(k.spread))) for _ in range(2)]
 
-    def __call__(self, codes: NDArray[Any], number: int) -> NDArray[Any]:
+    def __call__(self, codes: NDArray[Any], number: int, lift: float) -> NDArray[Any]:
         """The frame (row, col, channel) to project; it is kept until `HELD` - 1 more are made.
 
         Parameters
@@ -90,6 +90,8 @@ class CompiledDome:
             (row, col, channel) the master.
         number
             Of the frame: noise depends on it.
+        lift
+            See `compensate.aim.Aim`.
         """
         k = self._k
         frame = (codes.view("<u2") if self._pixels.floating else codes).reshape(len(codes), -1)
@@ -103,7 +105,7 @@ class CompiledDome:
             )  # fmt: skip
 
         floors = self._settled(loops.MASTER, sweep)
-        v, below = np.float32(self._raised(floors)), self._wide(floors)
+        v, below = np.float32(lift * self._missing(floors)), self._wide(floors)
         loops.guided(
             self._counted, self._around, self._heap, self._near, np.float32(EDGE**2), self._work,
             self._coarse,
@@ -149,8 +151,8 @@ class CompiledDome:
         widened(floors, *self._cells, wide)
         return wide
 
-    def _raised(self, floors: NDArray[np.float32]) -> float:
-        """How far black is lifted, v of `compensate.aim.dome`.
+    def _missing(self, floors: NDArray[np.float32]) -> float:
+        """Light that is missing in the darkest places; see `compensate.aim.dome`.
 
         The mean of the highest share a of values u is the least of t + E[max(u - t, 0)] / a over t,
         at their quantile (R. T. Rockafellar, S. Uryasev, "Optimization of conditional value-at-
@@ -179,7 +181,7 @@ class CompiledDome:
             if new[1] - (low[1] + low[2] * (level - low[0])) < _EXACT * high[0]:
                 break
             low, high = (new, high) if new[2] < 0 else (low, new)
-        return k.aim.lift * least
+        return least
 
 
 def _spans(screen: NDArray[np.bool_]) -> NDArray[np.uint64]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -19,8 +20,9 @@ from compensate.solve import solved
 from domesim.scene import Scene
 from domesim.scene.screening import within_range
 
-Engine: TypeAlias = Callable[[NDArray[Any], int], NDArray[Any]]
-"""Frame (row, col, channel) and its number -> the frame to project, kept for `HELD` frames."""
+Engine: TypeAlias = Callable[[NDArray[Any], int, float], NDArray[Any]]
+"""Frame (row, col, channel), its number, and its lift (`compensate.aim.Aim`) -> the frame to
+project, kept for `HELD` frames."""
 
 FAST, PLAIN = "numba", "numpy"
 """Names of what computes on the processor."""
@@ -34,7 +36,6 @@ def engine_of(
     pixels: PixelFormat,
     *,
     beside: bool,
-    aim: Aim,
     dithers: bool,
     device: str | None = None,
 ) -> tuple[str, Engine]:
@@ -50,8 +51,8 @@ def engine_of(
         What code values mean, and their layout.
     beside
         Whether views of a pair lie side by side.
-    aim, dithers
-        Settings of the aim; whether codes are rounded with noise.
+    dithers
+        Whether codes are rounded with noise.
     device
         As for `compensate.devices.on_device`. If None: compiled loops, which are as fast on some
         cores as PyTorch on a GPU; without the extra ``fast``, a GPU where PyTorch finds one.
@@ -66,7 +67,7 @@ def engine_of(
     InputError
         As for `constants_of`; or if there is no such device.
     """
-    constants = constants_of(scene, rows, cols, aim)
+    constants = constants_of(scene, rows, cols)
     device = device or (CPU if compiles() or not has_gpu() else "cuda")
     how: Any = {"beside": beside, "dithers": dithers}
     if device != CPU:
@@ -74,7 +75,7 @@ def engine_of(
 
         return device, ByArrays(scene, constants, coding, pixels, device=device, **how)
     if not compiles():
-        return PLAIN, _plain(scene, coding, pixels, aim=aim, **how)
+        return PLAIN, _plain(scene, coding, pixels, **how)
     if isinstance(constants, DomeConstants):
         from compensate.live.dome import CompiledDome  # noqa: PLC0415 - of an extra
 
@@ -94,17 +95,18 @@ def has_gpu() -> bool:
 
 
 def _plain(
-    scene: Scene, coding: Coding, pixels: PixelFormat, *, beside: bool, aim: Aim, dithers: bool
+    scene: Scene, coding: Coding, pixels: PixelFormat, *, beside: bool, dithers: bool
 ) -> Engine:
     """`compensate.master` for raw frames."""
-    stage = Stage(scene, aim)
+    stage = Stage(scene, Aim())
     axis = 1 if beside else 0
 
-    def compensated(codes: NDArray[Any], number: int) -> NDArray[Any]:
+    def compensated(codes: NDArray[Any], number: int, lift: float) -> NDArray[Any]:
         views = views_of(codes, scene.views, axis)
         screen = scene.screen(*views.shape[1:3])
         desired, _ = within_range(coding.decoded(views), screen)
-        projected = coding.encoded(solved(stage.pose(desired), "perceptual").light)
+        posed = replace(stage.pose(desired), lift=lift)
+        projected = coding.encoded(solved(posed, "perceptual").light)
         noise = number if dithers else None
         return stored(projected, views, screen, pixels, axis=axis, noise=noise)
 

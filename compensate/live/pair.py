@@ -11,6 +11,7 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
+from compensate.aim import pair
 from compensate.live import pair_loops as loops
 from compensate.live.coding import Coding, PixelFormat, room_for
 from compensate.live.constants import PairConstants, turns_of
@@ -69,18 +70,19 @@ class CompiledPair:
         size = self._counts.shape
         self._places = places_along(k.cols, k.block, size[1])
         self._found, self._veils = np.zeros((2, 6, *size), np.float32)
-        self._down = np.asarray(k.veil * k.down, np.float32)
+        self._down = np.asarray(pair.SHARE * k.down, np.float32)
         self._across = np.asarray(k.across.T, np.float32)
         down, across = (1, 2) if beside else (2, 1)
         self._room = room_for(down * k.rows, across * k.cols, pixels)
 
-    def __call__(self, codes: NDArray[Any], number: int) -> NDArray[Any]:
+    def __call__(self, codes: NDArray[Any], number: int, lift: float) -> NDArray[Any]:
         """The frame (row, col, channel) to project; see `CompiledDome`."""
         frame = (codes.view("<u2") if self._pixels.floating else codes).reshape(len(codes), -1)
         out, noise = next(self._room), shifts_of(number, self._k.rows)
         for writes in (False, True):
             if writes:
-                np.matmul(self._down @ self._found, self._across, out=self._veils)
+                down = np.float32(lift) * self._down
+                np.matmul(down @ self._found, self._across, out=self._veils)
             loops.sweep(
                 writes, self._code, self._pair, frame, self._shares, self._counts, self._found,
                 self._veils, *self._places, noise, out.reshape(frame.shape),

@@ -199,7 +199,8 @@ def stream(
     frames
         Reads them, one after the other.
     compensate
-        Makes what `head` takes; one at a time.
+        Makes what `head` takes, of a frame and its number among those that came, from 0; one at a
+        time.
     sink
         File descriptor that they go to, or what takes a buffer.
     drop
@@ -220,13 +221,11 @@ def stream(
     line = _Line(frames, sink, drop)
     for thread in line.threads:
         thread.start()
-    number = 0
     try:
         while (item := line.get(line.came)) is not None:
             line.room.release()
-            read_at, frame = item
+            read_at, frame, number = item
             line.put(line.made, (read_at, head(compensate(frame, number))))
-            number += 1
         line.put(line.made, None)
         line.threads[1].join()
     finally:
@@ -287,6 +286,7 @@ class _Line:
             self.stop.set()
 
     def _read(self) -> None:
+        number = 0
         while not self.stop.is_set():
             if not self._drop and not self.room.acquire(timeout=_WAIT):
                 continue
@@ -300,9 +300,10 @@ class _Line:
                 with contextlib.suppress(Empty):
                     self.came.get_nowait()
                     self.report.dropped += 1
-            self.put(self.came, None if frame is None else (time.perf_counter(), frame))
+            self.put(self.came, None if frame is None else (time.perf_counter(), frame, number))
             if frame is None:
                 return
+            number += 1
 
     def _write(self) -> None:
         first = None

@@ -1,9 +1,10 @@
 """User shaders for mpv and libplacebo: a scene's live pictures as one file.
 
 The passes do what `compensate.aim` does, on a GPU. Textures between passes are of half precision in
-players, so that what must be known better is kept in two numbers. Floors are found by a relaxed
-iteration, s + w (G(s) - s), whose error shrinks by half of the feedback over one and that half in
-each step, whatever is clipped, if w is one over one and half of the feedback.
+players, so that what must be known better is kept in two numbers. A dome's pixels are looked at
+once for a floor: what any floor leaves of a cell's light is a table. The floor is found with it by
+a relaxed iteration, s + w (G(s) - s), whose error shrinks by half of the feedback over one and that
+half in each step, whatever is clipped, if w is one over one and half of the feedback.
 """
 
 from __future__ import annotations
@@ -17,8 +18,9 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
-from compensate.aim import Aim
+from compensate.aim import Aim, pair
 from compensate.aim.dome import DARKEST, EDGE
+from compensate.aim.settings import MOST_LIFT
 from compensate.live.coding import Coding
 from compensate.live.constants import (
     DomeConstants,
@@ -30,13 +32,16 @@ from domesim import __version__
 from domesim.errors import InputError
 from domesim.frames.colour import ColourTag
 from domesim.host.console import printable
+from domesim.light.blocks import block_sums
 from domesim.light.transfer import DCDM, SRGB, ST2084, Gamma, Linear, Table
 from domesim.scene import Scene
 
-_EXACT = 1e-4
-"""Share of their first error to which floors are found."""
+_EXACT = 1e-6
+"""Share of their first error to which floors are found, by tables."""
+INTERVALS = 15
+"""Pieces of a table: with one more, levels divide a group of 256 threads."""
 _SIDE = 256  # texels of a row of spans
-_LEVELS = 256
+LEVELS = 256
 """Levels of missing light, from 0 to white, between which the darkest places are looked for."""
 
 
@@ -68,6 +73,7 @@ def shader_of(
     *,
     beside: bool = True,
     aim: Aim | None = None,
+    uniforms: bool = False,
 ) -> str:
     """Writes a user shader for a scene.
 
@@ -83,6 +89,9 @@ def shader_of(
         Whether the video has both views of a pair side by side, and not one above the other.
     aim
         Its settings.
+    uniforms
+        Whether players may change the lift and turn it off, by libplacebo's ``//!PARAM``: not all
+        of them read such a file.
 
     Returns
     -------
@@ -94,26 +103,32 @@ def shader_of(
     InputError
         As for `constants_of`; or if no shader knows the colour's curve, or the screen has holes.
     """
-    coding = Coding(scene.projector, colour)
+    constants = constants_of(scene, rows, cols)
+    about = about_scene(scene, rows, cols, colour, beside=beside)
+    usual = glsl((aim or Aim()).lift)
+    about |= {"lift": "lift" if uniforms else usual, "usual": usual, "uniforms": uniforms}
+    about["most_lift"] = glsl(MOST_LIFT)
+    if isinstance(constants, DomeConstants):
+        name, facts = "dome.glsl.j2", _about_dome(constants)
+    else:
+        name, facts = "pair.glsl.j2", _about_pair(constants, beside=beside)
+    return rendered(name, about | facts)
+
+
+def about_scene(
+    scene: Scene, rows: int, cols: int, colour: ColourTag, *, beside: bool
+) -> dict[str, Any]:
+    """What templates say of a scene and its video."""
     across, down = (scene.views, 1) if beside else (1, scene.views)
-    constants = constants_of(scene, rows, cols, aim)
-    about = {
+    return {
         "scene": scene.name,
         "described": f"domesim {__version__}; {' '.join(scene.description.split())}",
         "width": across * cols,
         "height": down * rows,
         "white": scene.projector.white,
         "density": f"{scene.viewing.pixels_per_degree(rows, cols):.4g}",
-        **_about_coding(coding),
+        **_about_coding(Coding(scene.projector, colour)),
     }
-    if isinstance(constants, DomeConstants):
-        name, facts = "dome.glsl.j2", _about_dome(constants)
-    else:
-        name, facts = "pair.glsl.j2", _about_pair(constants, beside=beside)
-    about |= facts
-    said = repr(sorted((key, _told(value)) for key, value in about.items()))
-    about["digest"] = hashlib.sha256(said.encode()).hexdigest()[:16]
-    return _rendered(name, about)
 
 
 def _about_coding(coding: Coding) -> dict[str, Any]:
@@ -121,8 +136,8 @@ def _about_coding(coding: Coding) -> dict[str, Any]:
     curve = coding.curve
     about: dict[str, Any] = {
         "coding": coding.colour.named,
-        "mixing": _matrix(coding.mixing),
-        "back": _matrix(np.linalg.inv(coding.mixing)),
+        "mixing": matrix(coding.mixing),
+        "back": matrix(np.linalg.inv(coding.mixing)),
         "curve": "power",
         "peak": "1.0",
         "exponent": 1.0,
@@ -134,7 +149,7 @@ def _about_coding(coding: Coding) -> dict[str, Any]:
             about["curve"] = "st2084"
             about["white"] = curve.white
         case DCDM():
-            about |= {"peak": _glsl(curve.peak / curve.white), "exponent": 2.6}
+            about |= {"peak": glsl(curve.peak / curve.white), "exponent": 2.6}
         case Gamma():
             about["exponent"] = curve.exponent
         case Table():
@@ -158,7 +173,7 @@ def _about_coding(coding: Coding) -> dict[str, Any]:
 def _bends(at: NDArray[np.float64], values: NDArray[np.float64]) -> list[tuple[str, str]]:
     """Where a curve of straight pieces bends, and by how much its slope grows there."""
     slopes = np.diff(values) / np.diff(at)
-    return list(zip(map(_glsl, at), map(_glsl, np.diff(slopes, prepend=0)), strict=False))
+    return list(zip(map(glsl, at), map(glsl, np.diff(slopes, prepend=0)), strict=False))
 
 
 def _about_dome(k: DomeConstants) -> dict[str, Any]:
@@ -173,7 +188,7 @@ def _about_dome(k: DomeConstants) -> dict[str, Any]:
     spans[:rows, 1] = (cols - k.screen[:, ::-1].argmax(axis=1)) * some
     collect = k.collect * k.cell**2
     largest = np.abs(collect.sum(axis=(1, 2))).max()
-    feedback = _feedback(k)
+    feedback = float(np.abs(np.linalg.eigvals(k.core @ _overlap(k))).max())
     return {
         "textures": ("SPANS", "GAIN", "AMBIENT", "SPREAD", "COLLECT", "CORE"),
         "spans_side": _SIDE,
@@ -194,15 +209,16 @@ def _about_dome(k: DomeConstants) -> dict[str, Any]:
         "cell_rows": cell_rows,
         "cell_cols": cell_cols,
         "steps": math.ceil(math.log(_EXACT) / math.log(feedback / 2 / (1 + feedback / 2))),
-        "relaxation": _glsl(1 / (1 + feedback / 2)),
-        "weights": _vector(k.weights),
-        "dark": _glsl(k.dark),
-        "middle": _glsl(math.log(k.dark) / 2),
-        "variance": _glsl(EDGE**2),
-        "darkest": _glsl(DARKEST),
-        "levels": _LEVELS,
-        "lift": _glsl(k.aim.lift),
-        "kept": _vector(k.kept[0]) if k.kept.any() else "",
+        "intervals": INTERVALS,
+        "highest": glsl(_highest(k)),
+        "relaxation": glsl(1 / (1 + feedback / 2)),
+        "weights": vector(k.weights),
+        "dark": glsl(k.dark),
+        "middle": glsl(math.log(k.dark) / 2),
+        "variance": glsl(EDGE**2),
+        "darkest": glsl(DARKEST),
+        "levels": LEVELS,
+        "kept": vector(k.kept[0]) if k.kept.any() else "",
     }
 
 
@@ -222,23 +238,29 @@ def _about_pair(k: PairConstants, *, beside: bool) -> dict[str, Any]:
         "block_rows": len(k.down),
         "block_cols": len(k.across),
         "beside": beside,
-        "matrices": [_matrix(matrix) for matrix in k.matrices],
-        "black": [_vector(black) for black in k.black],
-        "kept": [_vector(kept) for kept in k.kept] if k.kept.any() else [],
+        "matrices": [matrix(each) for each in k.matrices],
+        "black": [vector(black) for black in k.black],
+        "kept": [vector(kept) for kept in k.kept] if k.kept.any() else [],
         "rounds": -(-turns_of(k) // 2),
-        "weights": _vector(k.weights),
-        "veil": _glsl(k.veil),
+        "weights": vector(k.weights),
+        "veil": glsl(pair.SHARE),
     }
 
 
-def _feedback(k: DomeConstants) -> float:
-    """Largest share of a screenful of light that comes back to the screen."""
-    rows, cols = k.gain.shape
-    on = np.zeros((rows * k.cell, cols * k.cell))
-    on[: k.screen.shape[0], : k.screen.shape[1]] = k.screen
-    count = on.reshape(rows, k.cell, cols, k.cell).sum(axis=(1, 3))
-    overlap = np.einsum("jrc,krc,rc->jk", k.collect, k.spread, count)
-    return float(np.abs(np.linalg.eigvals(k.core @ overlap)).max())
+def counted(k: DomeConstants) -> NDArray[np.float64]:
+    """Returns the (cell row, cell col) count of pixels of the screen."""
+    return np.asarray(block_sums(k.screen.astype(np.float64), k.cell))
+
+
+def _overlap(k: DomeConstants) -> NDArray[np.float64]:
+    """(rank, rank) what light as each mode has it excites."""
+    return np.asarray(np.einsum("jrc,krc,rc->jk", k.collect, k.spread, counted(k)))
+
+
+def _highest(k: DomeConstants) -> float:
+    """Most that there is of light: ambient light, and what reflects from a white screen."""
+    excited = k.core @ np.tensordot(k.collect, counted(k), 2)
+    return float((k.ambient + np.tensordot(excited, k.spread, 1)).max())
 
 
 def _texture(values: NDArray[np.floating]) -> _Texture:
@@ -255,34 +277,38 @@ def _told(value: Any) -> Any:
     return value.hex if isinstance(value, _Texture) else value
 
 
-def _glsl(value: float) -> str:
+def glsl(value: float) -> str:
     """A number as GLSL reads it."""
     text = repr(float(np.float32(value)))
     return text if "." in text or "e" in text else f"{text}.0"
 
 
-def _vector(values: NDArray[np.floating]) -> str:
-    return f"vec3({', '.join(map(_glsl, values.tolist()))})"
+def vector(values: NDArray[np.floating]) -> str:
+    """Three numbers."""
+    return f"vec3({', '.join(map(glsl, values.tolist()))})"
 
 
-def _matrix(values: NDArray[np.floating]) -> str:
+def matrix(values: NDArray[np.floating]) -> str:
     """Column by column, as GLSL has them."""
-    return f"mat3({', '.join(_glsl(each) for each in values.T.ravel().tolist())})"
+    return f"mat3({', '.join(glsl(each) for each in values.T.ravel().tolist())})"
 
 
-def _rendered(name: str, about: dict[str, Any]) -> str:
+def rendered(name: str, about: dict[str, Any]) -> str:
+    """A template's text, with a digest of all that it is made of."""
     import jinja2  # noqa: PLC0415 - slow to import
 
+    said = repr(sorted((key, _told(value)) for key, value in about.items()))
+    about |= {"digest": hashlib.sha256(said.encode()).hexdigest()[:16]}
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("compensate.live"),
         trim_blocks=True,
         lstrip_blocks=True,
         undefined=jinja2.StrictUndefined,
     )
-    said = {
+    facts = {
         # A scene's name may have lines, which a player would take for its own
         key: " ".join(printable(value).split()) if isinstance(value, str) else value
         for key, value in about.items()
     }
-    text = environment.get_template(name).render(k=SimpleNamespace(**said))
+    text = environment.get_template(name).render(k=SimpleNamespace(**facts))
     return "\n".join(line.rstrip() for line in text.splitlines() if line.strip()) + "\n"

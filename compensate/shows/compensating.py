@@ -17,8 +17,8 @@ from compensate.master import Solution, solve_frame
 from compensate.methods import Solver, perceptual, require_method
 from compensate.pose import Eye, Posed, Stage
 from compensate.ruler import NO_DIFFERENCE, PEOPLE_SAY, agreeing, compared
-from compensate.shows.cue_list import CueList
-from compensate.shows.cues import AUTO, Starts, method_at
+from compensate.shows.cue_list import CANDIDATES, CueList
+from compensate.shows.cues import AUTO
 from compensate.shows.eyes import doubt
 from compensate.shows.films import films_lost
 from compensate.shows.over_time import timeline
@@ -81,11 +81,9 @@ class Compensating(Recipe):
         Count errors by how visible the pollution is there (eq. 7).
     titles
         What a server composites over the frames; None for nothing.
-    cues
-        Of the method "auto": which method holds from which frame on. Settings of a job leave them
-        out: its masters decide.
     cue_list
-        A person's; None for none.
+        A person's; or of the method "auto", which settings of a job leave out: its masters decide.
+        None for none.
     """
 
     scene: SceneChoice
@@ -98,7 +96,6 @@ class Compensating(Recipe):
     only_visible: bool = False
     spatial: bool = False
     titles: Titles | None = None
-    cues: Starts = ()
     cue_list: CueList | None = None
 
     def work(self, note: Note) -> Work[Any, Any]:
@@ -136,9 +133,10 @@ class Compensating(Recipe):
 
     def _method(self, source: Master) -> str:
         """The method of a master."""
-        if self.cue_list is not None:
-            return self.cue_list.method(number_of(source.path) or 0, self.method)
-        return method_at(self.cues, source.path) if self.method == AUTO else self.method
+        usual = CANDIDATES[0] if self.method == AUTO else self.method
+        if self.cue_list is None:
+            return usual
+        return self.cue_list.method(number_of(source.path) or 0, usual)
 
     def require_sense(self, theatre: Scene) -> None:
         """See that the settings go together.
@@ -149,10 +147,9 @@ class Compensating(Recipe):
             If they do not.
         """
         eye = self.weighting(theatre)
-        if self.cue_list is not None and (self.method == AUTO or not isinstance(eye, Aim)):
+        if self.cue_list is not None and not isinstance(eye, Aim):
             raise InputError(
-                f"--cues tells methods and lifts of the aim: leave --method {AUTO} and --weighting "
-                f"{PAPER} out"
+                f"--cues tells methods and lifts of the aim: leave --weighting {PAPER} out"
             )
         if self.method != AUTO:
             require_method(self.method, theatre)
@@ -254,12 +251,12 @@ class Compensating(Recipe):
 
     def settings(self) -> dict[str, Any]:
         """See `Recipe`."""
-        left_out = ("scene", "titles", "cues", "cue_list")
+        left_out = ("scene", "titles", "cue_list")
         settings = {name: value for name, value in vars(self).items() if name not in left_out}
         settings = {"command": "compensate", **self.scene.settings(), **settings}
         if self.titles is not None:
             settings["overlay"] = self.titles.settings()
-        if self.cue_list is not None:
+        if self.cue_list is not None and self.method != AUTO:
             settings["cues"] = self.cue_list.settings()
         if self._least_squares(self.scene.load()):
             # Solvers round otherwise with it; nothing else uses it
@@ -281,7 +278,8 @@ class Compensating(Recipe):
     def options(self, writing: Writing) -> dict[str, str]:
         """See `Recipe`."""
         overlay = {} if self.titles is None else {"--overlay": " and ".join(self.titles.names)}
-        cues = {} if self.cue_list is None else {"--cues": self.cue_list.name}
+        asked = self.cue_list is not None and self.method != AUTO
+        cues = {"--cues": self.cue_list.name} if self.cue_list is not None and asked else {}
         return self.choices() | overlay | cues | writing.options()
 
     def choices(self) -> dict[str, str]:
@@ -329,7 +327,7 @@ class Compensating(Recipe):
         """See `Recipe`: black, and stars; and the lift, where a cue list says it."""
         names = {"untouched": "untouched", "seen": "as shown"}
         found = timeline([frame.get("dark") for frame in frames], seconds, names)
-        if found is None or self.cue_list is None:
+        if found is None or self.cue_list is None or not self.cue_list.lifts:
             return found
         theatre, sources = self.scene.load(), [frame["input"] for frame in frames]
         paths = [Path(each if isinstance(each, str) else each[0]) for each in sources]

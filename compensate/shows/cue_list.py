@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -23,6 +23,8 @@ from domesim.host.texts import text_in
 from domesim.shows.sequences import number_of
 
 COLUMNS = ("first", "last", "method", "lift", "ramp")
+CANDIDATES = ("perceptual", "subtractive", "none")
+"""Methods that a show's parts may have; of equal ones ``--method auto`` takes the first."""
 
 
 @final
@@ -65,6 +67,11 @@ class CueList:
     name: str
     cues: tuple[Knobs, ...]
 
+    @property
+    def lifts(self) -> bool:
+        """Whether it says any lift."""
+        return any(cue.lift is not None for cue in self.cues)
+
     def at(self, number: int) -> Knobs | None:
         """The cue of a frame; None of one that has none."""
         return next((cue for cue in self.cues if cue.first <= number <= cue.last), None)
@@ -91,15 +98,13 @@ class CueList:
         return [list(vars(cue).values()) for cue in self.cues]
 
 
-def read_cue_list(path: Path, methods: Sequence[str]) -> CueList:
+def read_cue_list(path: Path) -> CueList:
     """Reads a cue list.
 
     Parameters
     ----------
     path
         The table.
-    methods
-        Those that there are.
 
     Returns
     -------
@@ -126,7 +131,7 @@ def read_cue_list(path: Path, methods: Sequence[str]) -> CueList:
     for line, row in enumerate(rows, 2):
         cells = {name: cell.strip() for name, cell in zip(named, row, strict=False)}
         if any(cells.values()):
-            cues.append(_knobs(f"{path}, line {line}", cells, methods))
+            cues.append(_knobs(f"{path}, line {line}", cells))
     cues.sort(key=lambda cue: cue.first)
     for cue, other in pairwise(cues):
         if cue.last >= other.first:
@@ -137,11 +142,11 @@ def read_cue_list(path: Path, methods: Sequence[str]) -> CueList:
     return CueList(path.name, tuple(cues))
 
 
-def _knobs(where: str, cells: Mapping[str, str], methods: Sequence[str]) -> Knobs:
+def _knobs(where: str, cells: Mapping[str, str]) -> Knobs:
     method = cells.get("method") or None
-    if method is not None and method not in methods:
+    if method is not None and method not in CANDIDATES:
         raise InputError(
-            f"{where}: method {method!r} is not known; use one of {', '.join(methods)}"
+            f"{where}: method {method!r} is not known; use one of {', '.join(CANDIDATES)}"
         )
     first, last = (_frame(where, name, cells.get(name, "")) for name in ("first", "last"))
     if last < first:

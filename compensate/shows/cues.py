@@ -15,18 +15,18 @@ import csv
 import hashlib
 import io
 import json
-from bisect import bisect_right
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, TypeAlias, final
+from typing import Any, final
 
 import numpy as np
 
 from compensate.pose import Eye, Posed, Stage
 from compensate.ruler import whole_block_of
+from compensate.shows.cue_list import CANDIDATES, CueList, Knobs
 from compensate.shows.titles import Titles
 from domesim.frames import Master
 from domesim.frames.video import video_of
@@ -43,8 +43,6 @@ from domesim.shows.work import Column, Note, Recipe, Work, Write, Writing
 
 AUTO = "auto"
 """Name of the choice among `CANDIDATES`."""
-CANDIDATES = ("perceptual", "subtractive", "none")
-"""Methods that there are to choose from; of equal ones the first is taken."""
 CUT = 0.05
 """Least mean change of a picture's cube root at a cut, of white's."""
 GRID = 8
@@ -242,19 +240,13 @@ def lost_by(lost: Mapping[str, float]) -> str:
 _TITLES = {"perceptual": "the aim", "subtractive": "subtracted", "none": "untouched"}
 
 
-Starts: TypeAlias = tuple[tuple[int, str], ...]
-"""Numbers of frames from which on a method holds, in order, and the method."""
+def listed(cues: Iterable[Cue]) -> CueList:
+    """Returns cues as a person would list them."""
 
+    def number(name: str) -> int:
+        return number_of(Path(name)) or 0
 
-def starts(cues: Iterable[Cue]) -> Starts:
-    """Returns a cue list as what workers need of it."""
-    return tuple((number_of(Path(cue.first)) or 0, cue.method) for cue in cues)
-
-
-def method_at(known: Starts, path: Path) -> str:
-    """Returns the method of a master by its file's name; the default where nothing is known."""
-    at = bisect_right([number for number, _ in known], number_of(path) or 0)
-    return known[max(at - 1, 0)][1] if known else CANDIDATES[0]
+    return CueList(CUES, tuple(Knobs(number(c.first), number(c.last), c.method) for c in cues))
 
 
 def _cue(show: Show, part: range, lost: Sequence[Mapping[str, float]]) -> Cue:

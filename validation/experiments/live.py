@@ -187,7 +187,6 @@ def _engine(
         Coding(scene.projector, _SRGB),
         PIXEL_FORMATS[pixels],
         beside=False,
-        aim=Aim(),
         dithers=False,
         device=device,
     )
@@ -214,7 +213,7 @@ def _apart(scene: Scene, size: int) -> Apart:
     _, engine = _engine(scene, rows, cols)
     shown = solved(pose(light, scene), "perceptual").light
     there = np.concatenate([scene.screen(*light.shape[1:3])] * scene.views)
-    off = np.abs(engine(codes, 0).astype(int) - _codes(scene, shown, "rgb24"))[there]
+    off = np.abs(engine(codes, 0, Aim().lift).astype(int) - _codes(scene, shown, "rgb24"))[there]
     return Apart(int(off.max()), float(np.mean(off > 0)))
 
 
@@ -239,7 +238,7 @@ def _gain(one: Input, *, by_judge: bool) -> Gain:
         "nothing": posed.desired,
         "subtraction": posed.subtractive,
         "default": solved(posed, "perceptual").light,
-        "live": _light(scene, engine(codes, 0)),
+        "live": _light(scene, engine(codes, 0, Aim().lift)),
     }
 
     def good(light: Light) -> float:
@@ -281,8 +280,8 @@ def _rate(name: str, rows: int, cols: int, device: str, frames: int = 30) -> Rat
     light = night(rows) if scene.views == 1 else generated(cols, 1)[:, :rows]
     codes = _codes(scene, light, "rgb24")
     film = [np.roll(codes, 3 * k, axis=1) for k in range(6)]
-    engine(film[0], 0)
-    times = [_seconds(partial(engine, film[k % 6], k)) for k in range(frames)]
+    engine(film[0], 0, Aim().lift)
+    times = [_seconds(partial(engine, film[k % 6], k, Aim().lift)) for k in range(frames)]
     frame, cores = np.median(times, axis=0)
     return Rate(float(frame), float(cores), copying(codes.nbytes), psutil.getloadavg()[0])
 

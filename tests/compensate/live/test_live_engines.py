@@ -123,9 +123,9 @@ def test_formulas_of_the_loops_are_the_librarys(scene):
     wanted = expected(scene, frame, "rgb48le", aim=STRONG).astype(int)
     with uncompiled():
         rows, cols = frame.shape[0], frame.shape[1] // scene.views
-        by, engine = engine_for(scene, rows, cols, "rgb48le", by="numba", aim=STRONG)
-        engine(frame[::-1].copy(), 0)
-        found = engine(frame, 1).astype(int)
+        by, engine = engine_for(scene, rows, cols, "rgb48le", by="numba")
+        engine(frame[::-1].copy(), 0, 0.0)
+        found = engine(frame, 1, STRONG.lift).astype(int)
     assert by == "numba"
     assert np.abs(found - wanted).max() <= 5
     assert np.mean(frame != wanted) > 0.1
@@ -138,9 +138,9 @@ def test_arrays_of_any_library(scene, monkeypatch):
     wanted = expected(scene, frame, "rgba64le", aim=STRONG).astype(int)
     rows, cols = frame.shape[0], frame.shape[1] // scene.views
     monkeypatch.setattr(arrays, "sender_to", lambda device: _strict)
-    _, engine = engine_for(scene, rows, cols, "rgba64le", by="cuda", device="cuda", aim=STRONG)
-    engine(frame[::-1].copy(), 0)
-    assert np.abs(engine(frame, 1).astype(int) - wanted).max() <= 5
+    _, engine = engine_for(scene, rows, cols, "rgba64le", by="cuda", device="cuda")
+    engine(frame[::-1].copy(), 0, 0.0)
+    assert np.abs(engine(frame, 1, STRONG.lift).astype(int) - wanted).max() <= 5
 
 
 def _strict(array: NDArray[Any]) -> Any:
@@ -193,11 +193,11 @@ def test_each_frame_is_made_alone():
     scene = load_scene("dome_imax")
     frame, size = frame_of(scene, 200, "rgb48le"), 200
     _, engine = engine_for(scene, size, size, "rgb48le", by="numba")
-    alone = np.array(engine(frame, 0)).astype(int)
+    alone = np.array(engine(frame, 0, 1.0)).astype(int)
     for before in (np.zeros_like(frame), np.full_like(frame, 65535), frame[::-1].copy(), frame):
-        kept = engine(before, 1)
+        kept = engine(before, 1, 1.0)
         copy = np.array(kept)
-        again = np.array(engine(frame, 0)).astype(int)
+        again = np.array(engine(frame, 0, 1.0)).astype(int)
         assert (kept == copy).all()
         assert np.abs(again - alone).max() <= 100
         assert np.mean(np.abs(again - alone) > 20) < 1e-3
@@ -215,8 +215,8 @@ def test_arrays_on_a_device(name, pixels):
     rows, cols = frame.shape[0], frame.shape[1] // scene.views
     _, engine = engine_for(scene, rows, cols, pixels, by="torch", device="torch")
     for before in (frame[::-1].copy(), frame):
-        engine(before, 0)
-        apart = np.abs(engine(frame, 0).astype(float) - wanted)
+        engine(before, 0, 1.0)
+        apart = np.abs(engine(frame, 0, 1.0).astype(float) - wanted)
         assert apart.max() <= {"rgb24": 1, "rgba64le": 300, "rgbaf16": 2e-3}[pixels]
 
 
@@ -230,6 +230,6 @@ def test_noise_on_a_device_is_that_of_compiled_loops(name):
     found = []
     for by, device in (("numba", "cpu"), ("torch", "torch")):
         _, engine = engine_for(scene, *size, by=by, device=device, dithers=True)
-        found.append(engine(frame, 7).astype(int))
+        found.append(engine(frame, 7, 1.0).astype(int))
     assert np.abs(found[0] - found[1]).max() <= 1
     assert np.mean(found[0] != found[1]) < 0.02

@@ -111,7 +111,7 @@ def close(found: Chain, scene: Scene, *, alpha: bool) -> None:
         scene, SIDE, SIDE, "rgba64le" if alpha else "rgb48le", by="numpy", colour="bt709"
     )
     wanted = {
-        number: np.array(engine(picture(number, *shape, alpha=alpha), number))
+        number: np.array(engine(picture(number, *shape, alpha=alpha), number, 1.0))
         for number in range(1, 32)
     }
 

@@ -13,10 +13,13 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
+from live_pictures import frame_of
+from PIL import Image
 
 from compensate.live.process import read_exactly, stream
 from compensate.live.y4m import header_of
 from domesim.errors import InputError
+from domesim.scene import load_scene
 
 SCENE = ["--scene", "dome_imax"]
 PLAIN = {**os.environ, "DOMESIM_FAST": "0"}
@@ -99,15 +102,22 @@ def test_a_frame_waits_for_one_other_at_most():
 
 def test_late_frames_are_dropped_if_asked_for():
     _, sink = pipe()
+    taken = []
 
     def come() -> Iterator[bytes]:
         for n in range(30):
             time.sleep(0.01)
             yield bytes([n])
 
-    report = stream(come(), lambda frame, number: time.sleep(0.06) or frame, sink, drop=True)
+    def slow(frame, number):
+        time.sleep(0.06)
+        taken.append((frame[0], number))
+        return frame
+
+    report = stream(come(), slow, sink, drop=True)
     assert report.dropped > 5
     assert report.frames + report.dropped == 30
+    assert all(came == number for came, number in taken)  # those that are left out count, too
 
 
 def test_whoever_reads_has_gone():
@@ -218,6 +228,36 @@ def test_a_pair_has_two_views():
     is_refused(live(*pair, "15x16", data=b""), "even width")
     done = live(*pair, "18x7", data=bytes(range(256))[: 18 * 7] * 3)
     assert (done.returncode, len(done.stdout)) == (0, 18 * 7 * 3)
+
+
+@pytest.mark.parametrize("name", ["dome_hemisphere", "stereo_polarised_paper"])
+def test_a_cue_list_gives_what_it_gives_files(run, tmp_path, name):
+    """A ramp frame by frame, and frames that are subtracted, left alone, or not named."""
+    scene = load_scene(name)
+    frames = np.stack([frame_of(scene, 32) // (1 + n % 3) for n in range(8)])
+    for number, frame in enumerate(frames, 1):
+        Image.fromarray(frame).save(tmp_path / f"in.{number}.png")
+    (tmp_path / "cues.csv").write_text(
+        "first,last,method,lift,ramp\n2,5,,4,3\n6,6,none,,\n7,7,subtractive,,\n"
+    )
+    how = ["--scene", name, "--encoding", "srgb", "--dither", "none"]
+    how += [] if scene.views == 1 else ["--packing", "side-by-side"]
+    cues = ["--cues", str(tmp_path / "cues.csv")]
+
+    def files(*more):
+        out = tmp_path / f"out{len(more)}"
+        done = run("compensate", tmp_path / "in.#.png", *how, *more, "--workers", 0, "--out", out)
+        assert done.code == 0, done.err
+        return np.stack([np.asarray(Image.open(out / f"in.{n}.png")) for n in range(1, 9)])
+
+    wanted, size = files(*cues), f"{frames.shape[2]}x{frames.shape[1]}"
+    piped = live(*how, *cues, "--size", size, data=frames.tobytes())
+    assert piped.returncode == 0, piped.stderr
+    found = np.frombuffer(piped.stdout, np.uint8).reshape(frames.shape)
+    assert np.abs(found.astype(int) - wanted).max() <= 1
+    assert (found[5] == frames[5]).all()
+    differs = (files() != wanted).any(axis=(1, 2, 3))
+    assert differs.tolist() == [False, True, True, True, True, True, True, False]
 
 
 @pytest.mark.long

@@ -276,3 +276,25 @@ def test_mistakes_of_the_command(run, tmp_path, options, words):
     out = tmp_path / "show.glsl"
     run("shader", "--scene", "dome_imax", *options, "--out", out).is_refused(*words)
     assert not out.exists()
+
+
+@pytest.mark.parametrize(("name", "passes"), [("dome_led", 12), ("stereo_cinema_silver", 4)])
+def test_passes_are_few_whatever_the_feedback(name, passes):
+    """But for the red frame's."""
+    text = shader_of(load_scene(name), 96, 96, SRGB)
+    assert text.count("//!HOOK MAIN") - 1 == passes
+
+
+@pytest.mark.parametrize("name", ["dome_led", "stereo_spectral"])
+def test_uniforms_are_the_lift_and_the_switch(run, tmp_path, name):
+    """What players without them read has none; else the text is the same but for the lift."""
+    scene, path = load_scene(name), tmp_path / "show.glsl"
+    how = ("--scene", name, "--size", "64x64", "--lift", 2.5, "--out", path)
+    done = run("shader", *how, "--for", "gpu-next")
+    assert done.code == 0
+    assert "--vo=gpu-next" in done.out
+    assert path.read_text().count("//!PARAM") == 2
+    assert "//!MAXIMUM 4.0\n2.5\n" in path.read_text()
+    plain = shader_of(scene, 64, 64 // scene.views, encoding_named("bt709"), aim=STRONG)
+    assert "//!PARAM" not in plain
+    run("shader", *how, "--for", "resolume").is_refused("--for 'resolume'", "isf")

@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 from stored_masters import store
 
 from compensate.shows.cue_list import CueList, Knobs, read_cue_list
-from compensate.shows.cues import CANDIDATES
 from domesim.errors import InputError
 from domesim.frames import read_frame
 
@@ -30,7 +29,7 @@ def test_a_list_says_what_each_frame_gets(tmp_path: Path) -> None:
     table = (
         "last,first,Lift,method,ramp,note\n20,11,4,,4,planet\nshow.0009.exr,show.0003.exr,,none,,"
     )
-    cues = read_cue_list(listed(tmp_path, table), CANDIDATES)
+    cues = read_cue_list(listed(tmp_path, table))
     assert cues.cues == (Knobs(3, 9, "none"), Knobs(11, 20, None, 4.0, 4))
     methods = [cues.method(number, "subtractive") for number in (2, 3, 9, 10, 11)]
     assert methods == ["subtractive", "none", "none", "subtractive", "subtractive"]
@@ -79,7 +78,7 @@ def test_lifts_stay_between_those_that_are_listed(
 )
 def test_what_is_no_list(tmp_path: Path, table: str, word: str) -> None:
     with pytest.raises(InputError, match=r"cues\.csv") as told:
-        read_cue_list(listed(tmp_path, table), CANDIDATES)
+        read_cue_list(listed(tmp_path, table))
     assert word in str(told.value)
 
 

@@ -13,7 +13,8 @@ from pair_films import SCENE, film, three_shots
 
 from compensate.pose import Stage
 from compensate.shows.compensating import worse_than_untouched
-from compensate.shows.cues import CANDIDATES, chosen, method_at, shots, signature
+from compensate.shows.cue_list import CANDIDATES
+from compensate.shows.cues import chosen, shots, signature
 from domesim.scene import load_scene
 from testing.content.evening import lamps
 from testing.content.orbit import space
@@ -45,14 +46,6 @@ def test_a_shot_gets_what_is_worse_in_none_of_its_frames() -> None:
     assert chosen([better, worse]) == "subtractive"
     assert chosen([better, worse, worst]) == "none"
     assert chosen([dict.fromkeys(CANDIDATES, 0.0)]) == "perceptual"
-
-
-def test_a_frame_finds_its_shot_by_its_number() -> None:
-    known = ((1, "perceptual"), (9, "none"), (120, "subtractive"))
-    named = {number: method_at(known, Path(f"v2.l.{number:04d}.dpx")) for number in (1, 8, 9, 500)}
-    assert list(named.values()) == ["perceptual", "perceptual", "none", "subtractive"]
-    assert method_at(((0, "none"),), Path("left.dpx")) == "none"
-    assert method_at((), Path("left.dpx")) == "perceptual"
 
 
 def test_each_shot_has_one_method_that_is_not_worse(run: Run, tmp_path: Path, out: Path) -> None:
