@@ -210,6 +210,7 @@ NAN_TABLE, LESS, DARKER = grey_table(), grey_table(), grey_table()
 NAN_TABLE[0, 1, 2, 3] = np.nan
 DARKER[1, 2, :, 4] = [0.3, 0.2, 0.0, 0.0, 0.0]
 LESS[0, 0, 1, 2] = -0.06
+STEEP = np.broadcast_to([0.0, 0.02, 0.03], (2, 1, 3, 3))
 
 
 @pytest.mark.parametrize(
@@ -223,21 +224,16 @@ LESS[0, 0, 1, 2] = -0.06
         (lambda: crosstalk([[0.9], [0.1]]), "to the left eye must be well below .* 90%"),
         (lambda: crosstalk(0.5, share=2 * SHARE), "well below the picture itself"),
         (lambda: crosstalk(np.nan), "crosstalk must be finite"),
-        (lambda: crosstalk(0.1, share=SHARE * np.inf), "crosstalk map must be finite"),
-        (lambda: crosstalk(0.1, black=np.nan), "black must be finite"),
         (lambda: crosstalk(0.1, share=SHARE - 1), "crosstalk map must be light >= 0"),
         (lambda: crosstalk(0.1, black=-0.1), "black must be light >= 0, got -0.1"),
         (lambda: GreyToGrey(5, 7, LEVELS[:-1], grey_table()[:, :, 1:, 1:]), "from 0 to 1"),
         (lambda: GreyToGrey(5, 7, LEVELS[[0, 2, 1, 3, 4]], grey_table()), "must rise"),
-        (lambda: GreyToGrey(5, 7, [0.0], np.zeros((2, 3, 1, 1))), "must rise"),
-        (lambda: GreyToGrey(5, 7, LEVELS * np.nan, grey_table()), "must rise"),
         (lambda: GreyToGrey(5, 7, LEVELS, NAN_TABLE), "must be finite"),
         (lambda: GreyToGrey(5, 7, LEVELS, grey_table() + 0.01), "start at 0 .* Subtract black"),
         (lambda: GreyToGrey(5, 7, LEVELS, LESS), "more light than there is"),
         (lambda: GreyToGrey(5, 7, LEVELS, DARKER), "brighter picture look brighter"),
+        (lambda: GreyToGrey(5, 7, [0.0, 0.01, 1.0], STEEP), "own light than with the other's"),
         (lambda: GreyToGrey(5, 7, LEVELS, PERCENT), "well below the picture .* in percent"),
-        (lambda: grey_to_grey(black=np.nan), "black must be finite"),
-        (lambda: grey_to_grey(black=-0.1), "black must be light >= 0"),
     ],
 )
 def test_the_impossible_is_refused(make, message):
@@ -249,17 +245,11 @@ def test_the_impossible_is_refused(make, message):
     ("make", "message"),
     [
         (lambda: Crosstalk(5, 7, np.zeros((3, 3))), r"matrices \(2, p, p\), .* got \(3, 3\)"),
-        (lambda: Crosstalk(5, 7, np.zeros((3, 3, 3))), r"got \(3, 3, 3\)"),
         (lambda: Crosstalk(5, 7, np.zeros((2, 3, 1))), r"got \(2, 3, 1\)"),
         (lambda: crosstalk(0.1, share=SHARE[:, :4]), r"map \(2, 5, 7\), got \(2, 4, 7\)"),
-        (lambda: crosstalk(0.1, share=SHARE[0]), r"map \(2, 5, 7\), got \(5, 7\)"),
-        (lambda: crosstalk(0.1, black=[0.1, 0.2]), r"black"),
-        (lambda: GreyToGrey(5, 7, LEVELS, grey_table()[0]), r"table \(2, p, k, k\), got"),
         (lambda: GreyToGrey(5, 7, LEVELS, grey_table()[:1]), r"table \(2, p, k, k\), got"),
         (lambda: GreyToGrey(5, 7, LEVELS, grey_table()[..., 1:]), "5 levels, got a table"),
-        (lambda: grey_to_grey(black=[0.1, 0.2]), r"black"),
         (lambda: crosstalk(0.1).observe(np.zeros((1, 5, 7, 3))), r"\(2, 5, 7, 3\), got"),
-        (lambda: grey_to_grey().linearised(np.zeros((2, 5, 6, 3))), r"\(2, 5, 7, 3\), got"),
     ],
 )
 def test_wrong_shapes_are_refused_by_name(make, message):

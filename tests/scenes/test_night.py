@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from domesim.errors import InputError
 from domesim.room.dome import Dome
 from scenes.artwork.night import sky
-from scenes.artwork.night.picture import Night, directions, render, shoulder
+from scenes.artwork.night.picture import Night, directions, render
 
 SMALL = Night(size=64, samples=1, detail=0.02)
 CIRCLE = Dome(radius=1.0, half_angle=np.pi / 2).inside(64, 64)
@@ -52,15 +51,6 @@ def test_the_front_rim_of_a_tilted_theatre_is_below_the_horizon() -> None:
     )
 
 
-def test_shoulder_leaves_the_dark_alone_and_stays_below_white() -> None:
-    light = np.array([0.0, 0.002, 0.6, 0.601, 3.0, 12.0])
-    bent = shoulder(light)
-    np.testing.assert_array_equal(bent[:3], light[:3])
-    assert np.all(np.diff(bent) > 0)
-    assert bent[-1] <= 1.0
-    assert bent[3] == pytest.approx(0.601, abs=1e-5)
-
-
 def test_stars_are_as_many_of_each_magnitude_as_in_the_sky() -> None:
     stars = sky.star_catalogue(3, count=50_000)
     strength = stars.flux.max(axis=1)
@@ -68,9 +58,3 @@ def test_stars_are_as_many_of_each_magnitude_as_in_the_sky() -> None:
     magnitude = np.sort(-2.5 * np.log10(strength[seen]))
     brighter_5, brighter_6 = np.searchsorted(magnitude, [5.0, 6.0])
     assert brighter_6 / brighter_5 == pytest.approx(10**0.5, rel=0.1)
-
-
-@pytest.mark.parametrize("samples", [0, 2, 8, 100])
-def test_samples_that_do_not_spread_evenly_are_refused(samples: int) -> None:
-    with pytest.raises(InputError, match=r"Night\.samples must be"):
-        Night(samples=samples)

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from stored_masters import store
 
 from compensate.pose import Stage
 from compensate.solve import solved
 from compensate.subtract import subtracted
 from domesim.errors import InputError
-from domesim.frames import ColourTag, Frame, write_frame
 from domesim.scene import load_scene
 from domesim.scene.loading import scene_content
 from domesim.scene.writing import as_toml
@@ -36,10 +36,7 @@ def room(rows: int = ROWS, cols: int = COLS) -> np.ndarray:
 
 
 def photographed(folder: Path, light: np.ndarray) -> Path:
-    path = folder / "room.exr"
-    tag = ColourTag("linear", "BT.709", "test")
-    write_frame(Frame(light, path, tag, 32, floating=True), path)
-    return path
+    return store(folder / "room.exr", light, "float")
 
 
 def scene(folder: Path, share: float = 0.0, **changes):

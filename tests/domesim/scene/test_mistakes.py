@@ -22,15 +22,10 @@ DOMES: dict[str, tuple[tuple[str, str], tuple[str, ...]]] = {
     "quoted key": (("radius_m", '"a b" = 1, radius_m'), ('dome."a b"', "known: radius_m")),
     "no section": (("{ radius_m = 5.0 }", "5"), ("dome: must be a section [dome]", "got 5")),
     "albedo of four": (("0.45", "[0, 0, 0, 0]"), ("screen.albedo", "3 values", "got [0, 0, 0, 0]")),
-    "radius in mm": (("5.0", "5000"), ("dome.radius_m", "less than or equal to 1000", "got 5000")),
-    "radius 1e-300": (("5.0", "1e-300"), ("dome.radius_m", "at least 0.01", "got 1e-300")),
     "radius as text": (("5.0", "'5.0'"), ("dome.radius_m", "valid number, got '5.0'")),
     "long text": (("5.0", f"'{'5' * 9999}'"), ("dome.radius_m", "valid number", "got '555")),
-    "white 0": (("13.7", "0"), ("projector.white_cd_m2", "greater than", "got 0")),
     "black above white": (("13.7", "13.7, black_cd_m2 = 14"), ("projector: ", "below white")),
     "primaries": (("{ white", '{ primaries = "sYCC", white'), ("'sYCC' are not known",)),
-    "perforation": (("0.45", "0.45, perforation = 1"), ("screen.perforation", "less than 1")),
-    "adaptation": (("1.4", "1e-300"), ("viewing.adaptation_cd_m2", "got 1e-300")),
     "closed white sphere": (
         ("5.0 }\nscreen = { albedo = 0.45", "5.0, half_angle_deg = 180 }\nscreen = { albedo = 1"),
         ("albedo 1", "never loses light", "lower the albedo"),
@@ -119,22 +114,11 @@ PAIRS: dict[str, tuple[dict[str, str], tuple[str, ...]]] = {
     ),
     "no section": ({SHARE: "crosstalk = 0.02"}, ("crosstalk: ", "a section [crosstalk]")),
     "unknown key": ({"share": "shares"}, ("crosstalk.shares: ", "did you mean 'share'")),
-    "unknown section": (
-        {"viewing =": "ambiant = {}\nviewing ="},
-        ("ambiant: ", "did you mean 'ambient'"),
-    ),
     "no crosstalk": ({SHARE: ""}, ("needs [crosstalk] (3D)",)),
-    "NaN": ({"share = 0.02": "share = nan"}, ("crosstalk.share: ", "finite", "got nan")),
-    "text": ({"share = 0.02": 'share = "much"'}, ("crosstalk.share: ", "got 'much'")),
     "percent": ({"share = 0.02": "share = 2"}, ("crosstalk.share: ", "0.9", "got 2")),
     "negative": (
         {"share = 0.02": "share = -0.02"},
         ("to the left eye", "must add light", "got -0.02", "exchanged"),
-    ),
-    "two numbers": ({"share = 0.02": "share = [0.1, 0.2]"}, ("crosstalk.share[2]: is missing",)),
-    "a matrix with text": (
-        {"share = 0.02": 'share = [[0, 0, 0], [0, "x", 0], [0, 0, 0]]'},
-        ("crosstalk.share[1][1]: ", "got 'x'"),
     ),
     "too much at a seat": (
         {"[[1, 2]]": "[[1, 60]]"},
@@ -148,7 +132,6 @@ PAIRS: dict[str, tuple[dict[str, str], tuple[str, ...]]] = {
     "half a map": ({"map =": "map_left ="}, ("seats[1]: ", "both map_left and map_right")),
     "seats of one name": ({'"side"': '"middle"'}, ("seats: ", "must differ", "middle")),
     "a seat called all": ({'"side"': '"all"'}, ("seats: ", "'all'", "several")),
-    "a seat without a name": ({'name = "side", ': ""}, ("seats[1].name: ", "is missing")),
     "no position": ({SHARE: HARDWARE}, ("seats[0].position_m: ", "is missing")),
     "hardware without seats": (
         {SHARE: HARDWARE, SEATS: ""},
@@ -157,10 +140,6 @@ PAIRS: dict[str, tuple[dict[str, str], tuple[str, ...]]] = {
     "a table that is not square": (
         {SHARE: TABLE.format("[0, 1]", "[[0, 0.1]]", "[[0, 0.1], [0, 0]]"), ", map = [[1, 2]]": ""},
         ("crosstalk.table: ", "to_left: must be 2 rows of 2"),
-    ),
-    "levels that fall": (
-        {SHARE: TABLE.format("[0, 1, 0.5]", [[0] * 3] * 3, [[0] * 3] * 3), ", map = [[1, 2]]": ""},
-        ("levels",),
     ),
     "primaries": (
         {"white_cd": 'primaries = "sYCC", white_cd'},
@@ -198,17 +177,4 @@ def test_a_misspelt_section_is_no_dome() -> None:
     assert [line.strip() for line in str(refused.value).splitlines()[1:]] == [
         "crosstalk: is missing",
         "crosstlk: is not a key of a scene (did you mean 'crosstalk'?)",
-    ]
-
-
-def test_all_mistakes_of_a_3d_screen_in_one_go() -> None:
-    text = PAIR.replace("1.4", "-1").replace("white_cd_m2 = 50", "lumens = 3")
-    text = text.replace("share = 0.02", "share = [0.02, 3, 0.02]")
-    with pytest.raises(InputError) as refused:
-        scene_of_text(text, "my.toml", Path())
-    assert [line.split(": ")[0].strip() for line in str(refused.value).splitlines()[1:]] == [
-        "screen.height_m",
-        "projector.white_cd_m2",
-        "projector.lumens",
-        "crosstalk.share[1]",
     ]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import json
 import zipfile
 from pathlib import Path
 from typing import Any
@@ -16,7 +15,7 @@ from PIL import Image
 from domesim.errors import InputError
 from domesim.room.beams import on_screen
 from domesim.room.dome import Dome
-from domesim.room.lenses import field_edges, field_weight, lens_frame, lens_gains
+from domesim.room.lenses import field_edges, field_weight, lens_frame
 from domesim.room.theatre import Lens, Theatre
 from domesim.room.unlit import uplift
 from domesim.scene import load_dome
@@ -149,10 +148,8 @@ def pfm(points: np.ndarray, order: str = "<") -> bytes:
     [
         ({}, (0, 1, 0), (1, 0, 0)),
         ({"yaw": 90}, (1, 0, 0), (0, -1, 0)),
-        ({"pitch": 90}, (0, 0, 1), (1, 0, 0)),
         ({"yaw": 90, "pitch": 90}, (0, 0, 1), (0, -1, 0)),
         ({"roll": 90}, (0, 1, 0), (0, 0, -1)),  # the left wing is up, the right one down
-        ({"yaw": -90, "roll": 90}, (-1, 0, 0), (0, 0, -1)),
     ],
 )
 @pytest.mark.parametrize(("axes", "place"), [(SURVEYOR, (1, 2, 3)), (OPEN_GL, (1, 3, -2))])
@@ -354,28 +351,6 @@ def test_it_is_of_the_standards_layout(tmp_path: Path) -> None:
         assert wanted in text
 
 
-@pytest.mark.long
-def test_the_commands_go_both_ways(tmp_path: Path, run: Run) -> None:
-    scene = scene_file(tmp_path, ring())
-    made = run("scene", "export", scene, "--out", tmp_path / "x.mpcdi", "--size", "480x300")
-    assert made.code == 0, made
-    assert "Blends sum to 1 within 0.1 %" in made.out
-    out = tmp_path / "in" / "back.toml"
-    result = run("scene", "import", tmp_path / "x.mpcdi", "--out", out, "--like", scene, "--json")
-    figures = json.loads(result.out)
-    assert (figures["projectors"], figures["radius_m"]) == (5, pytest.approx(5.0, rel=1e-5))
-    assert max(abs(each - 1) for each in figures["blend_sums"]) < 1e-3
-    assert len(figures["masks"]) == 5
-    old, new = load_dome(scene), load_dome(out)
-    assert new.dome.tilt == old.dome.tilt
-    gains = [lens_gains(each.theatre, 61, 61) for each in (old, new)]
-    np.testing.assert_allclose(gains[1], gains[0], atol=3e-3)
-    # What light transport depends on is known by its content
-    mask = out.with_name("back.1.mask.png")
-    Image.fromarray(np.full((9, 9), 65535, np.uint16)).save(mask)
-    assert load_dome(out).digest != new.digest
-
-
 def test_a_file_whose_dome_stands_elsewhere_is_moved(tmp_path: Path, run: Run) -> None:
     """The file's origin is on the floor; the scene's is the middle of the dome."""
     lens = ring()[0]
@@ -411,15 +386,10 @@ BAD = {
     "another profile": (xml(frustum={}, profile="2d"), "wanted profile 'sl'"),
     "a fisheye": (xml(frustum={"leftAngle": 89.8, "rightAngle": 89.8}), "A fisheye cannot"),
     "no number": (xml(frustum={}).replace("<yaw>0<", "<yaw>left<"), "'left' for yaw"),
-    "nan": (xml(frustum={"yaw": float("nan")}), "'nan' for yaw"),
     "crooked axes": (xml(frustum={}, axes={**SURVEYOR, "yaw": (1, 0, 0)}), "at right angles"),
     "no region": ('<MPCDI profile="sl"><display/></MPCDI>', "wanted regions"),
     "a bomb": ('<!DOCTYPE a [<!ENTITY b "c">]><MPCDI profile="sl"/>', "document type"),
     "no XML": ("MPCDI", "does not parse"),
-    "other XML": ("<html/>", "something else"),
-    "a file that is not there": (
-        xml(frustum={}, files=fileset(alphaMap="gone.png")), "no gone.png in it",
-    ),
 }  # fmt: skip
 
 

@@ -26,12 +26,3 @@ def test_every_key_has_an_example_that_the_model_takes(model):
     for key in keys:
         jsonschema.validate(key.example, key.schema)
         assert key.example is not None, key
-
-
-def test_a_row_says_all_of_a_key():
-    rows = PAGE.read_text().splitlines()
-    assert "| `half_angle_deg` | number | degrees | `90.0` | 1 to 180 | `90.0` |" in rows
-    assert "### `[[projector.units]]`" in rows
-    assert "### `[viewpoints.NAME]`" in rows
-    found = next(row for row in rows if row.startswith("| `levels`"))
-    assert found.startswith("| `levels` | list of numbers |  | required | 0 to 1 |")

@@ -233,13 +233,6 @@ def test_viewpoints_are_the_seats_and_those_that_are_named(full: Scene) -> None:
     assert np.degrees(np.arctan2(back[1], back[2])) == pytest.approx(50)
 
 
-def test_a_named_viewpoint_replaces_a_seats(tmp_path: Path) -> None:
-    view = "[viewpoints.front]\nposition_m = [1.0, 1.0, 0.0]\nlook_at_m = [0.0, 9.0, 0.0]\n"
-    views = load(tmp_path, FULL + view).theatre.viewpoints
-    assert views["front"].position == (1.0, 1.0, 0.0)
-    assert views["back"].position != views["front"].position
-
-
 def test_a_lamp_shines_along_its_normal_in_units_of_white(full: Scene) -> None:
     (lamp,) = full.theatre.lamps
     normal = np.cross(lamp.across, lamp.up)
@@ -399,26 +392,8 @@ def with_sections(*names: str) -> str:
 
 # (sections, before, after, path, what is said)
 MISTAKES = [
-    ((), "radius_m = 8.0", "radius_m = 0.001", "dome.radius_m", "at least 0.01, got 0.001"),
-    ((), "radius_m = 8.0", "radius_m = 8.0\nhalf_angle_deg = 181", "dome.half_angle_deg", "180"),
-    ((), "radius_m = 8.0", "radius_m = 8.0\ntilt_deg = 91", "dome.tilt_deg", "equal to 90, got 91"),
-    ((), "radius_m = 8.0", "radius_m = 8.0\nheight_ratio = 0.1", "dome.height_ratio", "0.2, got 0"),
     ((), "radius_m = 8.0", "radius_m = 8.0\ntruncated_below_m = 8", "dome", "no screen is left"),
-    ((), "radius_m = 8.0", "radius_m = true", "dome.radius_m", "valid number, got True"),
-    (("screen",), "share = 0.2", "share = 1.2", "screen.lobe.share", "equal to 1, got 1.2"),
-    (("screen",), "roughness = 0.3", "roughness = 0", "screen.lobe.roughness", "0.05, got 0"),
-    (("screen",), "roughness = 0.3", "rough = 0.3", "screen.lobe.rough", "is not a key of a scene"),
-    (("screen",), "roughness = 0.3", "rough = 0.3", "screen.lobe.roughness", "is missing"),
-    (
-        ("screen",),
-        "depth_m = 0.5",
-        "depth_m = -1",
-        "screen.cavity.depth_m",
-        "greater than 0, got -1",
-    ),
-    (("screen",), "depth_m = 0.5", "", "screen.cavity.depth_m", "is missing"),
     (("floor",), "height_m = -2.0", "height_m = nan", "floor.height_m", "finite number, got nan"),
-    (("floor",), "height_m = -2.0", "", "floor.height_m", "is missing"),
     (("floor",), "albedo = 0.1", "albedo = [0.1, 0.2]", "floor.albedo[2]", "is missing"),
     (("wall",), "[wall]", "[wall]", "wall", "needs a [floor] to stand on, got none"),
     (("seating",), "[seating]", "[seating]", "seating", "needs a [floor] to stand on, got none"),
@@ -429,17 +404,8 @@ MISTAKES = [
         "wall.top_m",
         "must be above the floor (-2 m), got -2.5",
     ),
-    (("floor", "wall"), "[wall]", "[wall]\nradius_m = 0", "wall.radius_m", "greater than 0"),
-    (("floor", "seating"), "rows = 2", "rows = 0", "seating.rows", "equal to 1, got 0"),
-    (("floor", "seating"), "rows = 2", "rows = 2.5", "seating.rows", "valid integer, got 2.5"),
-    (("floor", "seating"), "rows = 2", "rows = 2\noccupied = 2", "seating.occupied", "to 1, got 2"),
-    (("floor", "seating"), "rows = 2", "rows = 2\nseed = -1", "seating.seed", "equal to 0, got -1"),
     (("box",), "high_m = [1.0", "high_m = [-1.0", "boxes[0].high_m", "above low_m in x, y and z"),
-    (("box",), "low_m = [-1.0, -6.0, -3.0]", "low_m = [1.0]", "boxes[0].low_m[1]", "is missing"),
-    (("box",), "low_m = [-1.0", 'low_m = ["a"', "boxes[0].low_m[0]", "valid number, got 'a'"),
     (("box", "box"), None, "", "boxes[1].name", "is missing"),
-    (("mesh",), 'file = "things/ball.stl"', "", "meshes[0].file", "is missing"),
-    (("mesh",), "albedo = 0.3", "albedo = -1", "meshes[0].albedo", "equal to 0, got -1"),
     (
         ("lamp",),
         "normal = [1.0, 0.0, 0.0]",
@@ -447,9 +413,6 @@ MISTAKES = [
         "lamps[0].normal",
         "have a length",
     ),
-    (("lamp",), "width_m = 0.4", "width_m = 0", "lamps[0].width_m", "greater than 0"),
-    (("lamp",), "= 3.0", "= -3.0", "lamps[0].luminance_cd_m2", "equal to 0, got -3"),
-    (("lamp",), "= 3.0", "= [1, -2, 0]", "lamps[0].luminance_cd_m2[1]", "equal to 0, got -2"),
     (
         ("view",),
         "look_at_m = [0.0, 4.0, 3.0]",
@@ -458,13 +421,6 @@ MISTAKES = [
         "must be another place than position_m",
     ),
     (("view",), "look_at_m", "lookat_m", 'viewpoints."the booth".lookat_m', "mean 'look_at_m'"),
-    (
-        ("view",),
-        "3.0]",
-        "3.0]\nfield_deg = 170",
-        'viewpoints."the booth".field_deg',
-        "equal to 150",
-    ),
     (
         ("unit",),
         "look_at_m = [0.0, 0.0, 5.0]",
@@ -479,7 +435,6 @@ MISTAKES = [
         "projector.units[0].position_m",
         "must be inside the sphere of radius 8 m, got 9 m",
     ),
-    (("unit",), "200.0", "400.0", "projector.units[0].field_deg", "equal to 360, got 400"),
     (("unit",), "200.0", "200\nkind = 'flat'", "projector.units[0].kind", "or 'perspective', got"),
     (
         ("unit",),
@@ -488,9 +443,6 @@ MISTAKES = [
         "projector.units[0]",
         "field_deg: a perspective lens sees less than 175 degrees, got 200",
     ),
-    (("unit",), "200.0", "200\naspect = 0", "projector.units[0].aspect", "equal to 0.1, got 0"),
-    (("unit",), "200.0", "200\nblend = 3", "projector.units[0].blend", "mean 'blend_deg'"),
-    ((), "white_cd_m2 = 10.0", "lumens = 0", "projector.lumens", "greater than 0, got 0"),
     ((), "white_cd_m2 = 10.0", "white_cd_m2 = 1\nlumens = 9", "projector.lumens", "contradicts"),
     ((), "white_cd_m2 = 10.0", "", "projector.lumens", "is missing, and so is white_cd_m2"),
     (
@@ -571,16 +523,6 @@ def test_a_changed_scene_finds_its_meshes_from_anywhere(tmp_path: Path) -> None:
     assert len(found.theatre.solids) == len(wanted.theatre.solids) == 1
 
 
-def test_all_that_can_not_be_built_is_listed_in_one_go(tmp_path: Path) -> None:
-    text = with_sections("floor", "seating", "mesh", "mesh").replace("= 1.0\nalb", "= 90.0\nalb")
-    with pytest.raises(InputError) as error:
-        load(tmp_path, text.replace("ball.stl", "cube.stl"))
-    head, *lines = str(error.value).splitlines()
-    assert head == f"{tmp_path / 'mine.toml'} has 3 mistakes:"
-    assert "room for a seat" in lines[0]
-    assert ["cube.stl: wanted the mesh" in line for line in lines[1:]] == [True, True]
-
-
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -619,12 +561,6 @@ def test_a_lens_must_be_inside_the_ellipsoid_itself(tmp_path: Path) -> None:
     assert load(tmp_path, tall).theatre.lenses[0].position == pytest.approx((0, 0, 9))
 
 
-def test_projectors_that_leave_the_screen_dark_are_refused(tmp_path: Path) -> None:
-    scene = load(tmp_path, with_sections("unit").replace("200.0", "90.0"))
-    with pytest.raises(InputError, match=r"projectors leave 7\d\.\d% of the screen dark"):
-        scene.observation(32, 32)
-
-
 # How far the closed form holds
 
 
@@ -643,15 +579,10 @@ CHAIR = box("a chair", (-1.0, -1.0, -3.0), (1.0, 1.0, -2.0), SOME)
             ["ellipsoid of height ratio 0.8, not a"],
         ),
         ({"lobe": Lobe(0.15, 0.3)}, ["15% of the screen's light is in a gain lobe"]),
-        ({"lobe": Lobe(0.0, 0.3)}, []),
         ({"perforation": 0.2}, []),  # black behind
-        ({"cavity": Cavity(0.5, SOME, SOME)}, []),  # no holes to see it through
-        ({"perforation": 0.2, "cavity": Cavity(0.5, NONE, SOME)}, []),
         ({"perforation": 0.2, "cavity": Cavity(0.5, SOME, NONE)}, ["comes back from the cavity"]),
-        ({"floor": Floor(-1.0, 8.0, NONE)}, []),
         ({"floor": Floor(-1.0, 8.0, SOME)}, [r"the floor reflects \(albedo 0.1\)"]),
         ({"floor": Floor(0.5, 8.0, NONE)}, ["the floor hides a part of the screen"]),
-        ({"wall": Wall(8.0, -1.0, 0.0, NONE)}, []),
         ({"wall": Wall(8.0, -1.0, 0.0, SOME)}, [r"the wall reflects \(albedo 0.1\)"]),
         ({"wall": Wall(7.5, -1.0, 2.0, NONE)}, ["the wall hides a part of the screen"]),
         ({"solids": (CHAIR, CHAIR)}, [r"things stand in the room \(a chair\)"]),
@@ -676,20 +607,6 @@ def test_each_breach_of_the_closed_form_has_its_reason(
     assert len(found) == len(reasons), found
     for reason, pattern in zip(found, reasons, strict=True):
         assert re.search(pattern, reason)
-
-
-def test_the_full_theatre_departs_in_every_way(full: Scene) -> None:
-    reasons = full.theatre.departures()
-    for word in ("ellipsoid", "lobe", "cavity", "floor reflects", "wall refl", "things", "lamps"):
-        assert any(word in reason for reason in reasons), word
-    for reason in full.theatre.beyond_enclosure:
-        assert reason in full.facts()["Left out"]
-    sphere = replace(full, theatre=replace(full.theatre, dome=replace(full.dome, height_ratio=1.0)))
-    for reason in sphere.theatre.departures():
-        assert reason in sphere.facts()["Left out"]
-    assert "\n" not in str(full.approximation)
-    assert f"domesim tabulate {full.file} --out" in str(full.approximation)
-    assert full.file.endswith("mine.toml")
 
 
 def stored_for(dome: Dome, **provenance: Any) -> Transport:
@@ -762,10 +679,7 @@ def test_a_bare_screen_is_exact(tmp_path: Path) -> None:
     "change",
     [
         ("radius_m = 8.0", "radius_m = 8.1"),
-        ("half_angle_deg = 100.0", "half_angle_deg = 101.0"),
-        ("tilt_deg = 12.0", "tilt_deg = 13.0"),
         ("truncated_below_m = -0.5", ""),
-        ("height_ratio = 0.9", "height_ratio = 0.95"),
     ],
 )
 def test_another_domes_transport_is_refused(
