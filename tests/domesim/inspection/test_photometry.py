@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from domesim.frames import read_frame
 from domesim.inspection.photometry import BOARD, ghost, photometry
 from domesim.measure.patterns.dome import BOARDS
 from domesim.scene import load_dome, load_scene, load_stereo
@@ -61,41 +60,6 @@ def test_lumens_are_those_that_were_given():
     assert found.lumens == pytest.approx(900, rel=2e-3)
     assert found.evened[1] > 1.1
     assert found.evened[0] < 0.95
-
-
-def test_figures_are_those_of_observe(run, tmp_path):
-    """Files of patterns, observed by the command, and read by hand: nothing shared but areas."""
-    (tmp_path / "mine.toml").write_text(THEATRE)
-    mine, size = load_dome(tmp_path / "mine.toml"), 64
-    found = photometry(mine, size)
-    options = ("--dome", "--scene", tmp_path / "mine.toml", "--format", "exr")
-    more = ("--size", size, "--levels", 4, "--out", tmp_path / "patterns", "--quiet")
-    assert run("measure", "patterns", *options, *more).code == 0
-    names = {"lit": f"{BOARD}a", "dark": f"{BOARD}b", "white": "white", "black": "black"}
-    areas, weights = mine.pixel_areas(size, size), mine.projector.luminance_weights
-    seen = {}
-    for key, name in names.items():
-        (file,) = (tmp_path / "patterns").glob(f"*_{name}.exr")
-        run("observe", file, "--scene", tmp_path / "mine.toml", "--out", tmp_path / key)
-        # Linear, in the projector's own primaries
-        light = read_frame(tmp_path / key / file.name).pixels
-        seen[key] = light @ weights * mine.projector.white
-    codes = read_frame(next((tmp_path / "patterns").glob(f"*_{BOARD}a.exr"))).pixels[..., 1] > 0
-
-    def mean(picture, on):
-        return float(np.sum((areas * picture)[on]) / np.sum(areas[on]))
-
-    screen = mine.screen(size, size)
-    boards = [(seen["lit"], codes), (seen["dark"], ~codes)]
-    lit = np.mean([mean(picture, on & screen) for picture, on in boards])
-    dark = np.mean([mean(picture, ~on & screen) for picture, on in boards])
-    # Files are of half floats
-    assert found.lit == pytest.approx(lit, rel=1e-3)
-    assert found.dark == pytest.approx(dark, rel=1e-3)
-    assert found.white == pytest.approx(mean(seen["white"], screen), rel=1e-3)
-    assert found.black == pytest.approx(mean(seen["black"], screen), rel=1e-3)
-    assert found.uneven > 1.1
-    assert found.checkerboard == pytest.approx(lit / dark, rel=1e-3)
 
 
 def test_the_board_is_one_of_the_patterns():

@@ -28,16 +28,6 @@ def test_each_pixels_area_is_its_part_of_the_sphere(half_angle, size):
     assert ((areas > 1e-9 * areas.max()) == reached).all()
 
 
-def test_a_large_image_has_its_analytic_densities():
-    """Away from the rim a pixel covers sin(theta)/theta of its area at the zenith."""
-    dome = Dome(1.0, np.pi / 2)
-    areas = dome.pixel_areas(1024, 1024)
-    row = np.arange(512, 1000)
-    theta = np.hypot((row + 0.5) * 2 / 1024 - 1, 1 / 1024) * dome.half_angle
-    pixel = (2 / 1024 * dome.half_angle) ** 2
-    assert areas[row, 512] == pytest.approx(pixel * np.sin(theta) / theta, rel=3e-6)
-
-
 def test_directions_are_those_of_a_domemaster():
     dome = Dome(1.0, np.radians(120))
     directions = dome.directions(101, 101)

@@ -6,8 +6,6 @@ import json
 import os
 import re
 import struct
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +15,7 @@ import trimesh
 from numpy.typing import NDArray
 
 from domesim.errors import InputError
-from domesim.room.furniture import EYE_HEIGHT, box, from_file, manikin, seating
+from domesim.room.furniture import box, from_file, manikin, seating
 from domesim.room.theatre import Solid
 
 GREY = (0.1, 0.2, 0.3)
@@ -78,13 +76,6 @@ def test_every_row_is_behind_and_above_the_one_in_front():
     assert all(view.look_at == (0.0, 5.0, 4.0) for view in views.values())
 
 
-def test_named_viewpoints_are_middle_seats():
-    _, views = planned()
-    assert views["front"] == views["row1-seat3"]
-    assert views["centre"] == views["row2-seat3"]
-    assert views["back"] == views["row3-seat3"]
-
-
 def test_solids_are_closed_meshes_of_few_triangles_on_the_floor():
     solids, _ = planned()
     assert set(solids) == {"seats", "risers", "audience"}
@@ -109,13 +100,6 @@ def test_the_audience_is_the_occupied_share_and_the_seed_places_it():
     assert "audience" not in planned(occupied=0.0)[0]
 
 
-def test_the_audience_sits_on_its_seats():
-    solids, views = planned(occupied=1.0)
-    heads = solids["audience"].vertices[:, 2].max()
-    assert heads == pytest.approx(views["back"].position[2] + 0.08, abs=0.03)
-    assert EYE_HEIGHT == 1.2
-
-
 def test_a_full_house_does_not_block_the_view():
     solids, views = planned(occupied=1.0)
     for view in views.values():
@@ -138,24 +122,12 @@ def test_seats_stay_within_the_radius_and_keep_their_numbers():
     assert "risers" not in solids
 
 
-def test_risers_end_at_the_radius_and_carry_the_seats():
-    solids, _ = planned(within=2.4)
-    risers = solids["risers"]
-    assert np.hypot(*risers.vertices[:, :2].T).max() <= 2.4 + 1e-9
-    down = np.array([0.0, 0.0, -1.0])
-    assert first_hit([risers], np.array([0.01, -0.7, 0.0]), down) == pytest.approx(2.3 - 0.5)
-    assert first_hit([risers], np.array([0.01, 0.4, 0.0]), down) == pytest.approx(2.3 - 0.25)
-
-
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
         ({"within": 0.5}, "room for a seat within 0.5 m of the middle"),
         ({"rows": 0}, "rows of at least 1, got 0"),
-        ({"seats_per_row": 0}, "seats_per_row of at least 1, got 0"),
         ({"seat_spacing": 0.0}, "seat_spacing above 0 m, got 0 m"),
-        ({"row_spacing": float("nan")}, "row_spacing above 0 m, got nan m"),
-        ({"first_row": float("inf")}, "finite first_row, got inf m"),
         ({"rise": -0.1}, "rise of 0 m or more, got -0.1 m"),
         ({"occupied": 1.2}, "occupied share of 0 to 1, got 1.2"),
     ],
@@ -192,12 +164,9 @@ def test_a_mesh_file_is_read_as_it_was_written(tmp_path: Path, suffix: str):
     ("name", "content"),
     [
         ("empty.obj", b"# nothing\n"),
-        ("points.obj", b"v 0 0 0\nv 1 0 0\n"),
-        ("rubbish.stl", b"rubbish"),
         ("cut.ply", b"ply\nformat ascii 1.0\nelement vertex 5\n"),
         ("cut.glb", b"glTFxxxxxxxx"),
         ("seats.xyz9", b"x"),
-        ("noughts.stl", b""),
     ],
 )
 def test_a_file_without_a_mesh_is_one_line(tmp_path: Path, name: str, content: bytes):
@@ -239,9 +208,7 @@ def test_counts_that_no_file_could_hold_are_refused(
     [
         ("seats.stl", b"PK\3\4" + bytes(400), "a ZIP archive"),
         ("seats.obj", b"\x1f\x8b\x08" + bytes(400), "a gzip archive"),
-        ("seats.stl", b"\xef\xbb\xbf\n<?xml version='1.0'?><mesh/>", "XML"),
         ("seats.stl", bytes(80) + b"\0\xff\xff\xff" + bytes(50), "(not read as STL|no triangles)"),
-        ("seats.obj", b"v 0 0 0\nv 1 0 0\nf 1 2 2147483647\n", "does not read as OBJ"),
         ("seats.glb", b"glTF" + bytes(8) + b"\2\0\0\0JSON[]", "does not read as GLB"),
     ],
 )
@@ -302,37 +269,6 @@ def test_a_glb_that_must_not_be_read(
     (tmp_path / "seats.glb").write_bytes(content)
     with pytest.raises(InputError, match=wrong):
         from_file(tmp_path / "seats.glb", "seats", GREY)
-
-
-def test_readers_say_nothing_on_standard_error(tmp_path: Path) -> None:
-    """Of a picture that they lack, with a traceback."""
-    path = tmp_path / "seats.ply"
-    path.write_text(
-        "ply\nformat ascii 1.0\ncomment TextureFile \x1b[31m.png\nelement vertex 3\n"
-        "property float x\nproperty float y\nproperty float z\nelement face 1\n"
-        "property list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"
-    )
-    read = (
-        "import sys; from domesim.room.furniture import from_file\n"
-        "print(len(from_file(sys.argv[1], 'seats', (0.1, 0.1, 0.1)).faces))"
-    )
-    done = subprocess.run([sys.executable, "-c", read, path], capture_output=True, check=True)
-    assert (done.stdout, done.stderr) == (b"1\n", b"")
-
-
-@pytest.mark.parametrize("name", ["seats.zip", "seats.3mf", "seats.dae", "seats.xaml", "seats"])
-def test_archives_and_xml_are_not_read(
-    tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("trimesh.load_mesh", None)
-    (tmp_path / name).write_bytes(b"PK")
-    with pytest.raises(InputError, match=f"{name}: wanted the mesh of seats, got a file"):
-        from_file(tmp_path / name, "seats", GREY)
-
-
-def test_a_missing_file_is_one_line(tmp_path: Path):
-    with pytest.raises(InputError, match="no such file"):
-        from_file(tmp_path / "seats.stl", "seats", GREY)
 
 
 def test_a_manikin_stands_where_it_should():

@@ -119,37 +119,6 @@ def test_many_corners_take_no_memory(tmp_path: Path) -> None:
                 from_file(path, "saw", GREY)
 
 
-def test_quads_are_as_they_were(tmp_path: Path) -> None:
-    mixed = b"v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 2 0 0\nf 1 2 3 4\nf 2 5 3\nf 2//1 5//1 3//1\n"
-    (tmp_path / "x.obj").write_bytes(mixed)
-    parts = sizes(from_file(tmp_path / "x.obj", "x", GREY))
-    np.testing.assert_allclose(np.linalg.norm(parts, axis=-1).sum(), 2.0)
-
-
-def test_glb_has_y_up(tmp_path: Path) -> None:
-    """A box that stands on end, z from -5 to -2: as Blender writes it, and as STL."""
-    import trimesh  # noqa: PLC0415
-
-    stood = box("x", (-0.5, 1.0, -5.0), (0.5, 2.5, -2.0), GREY)
-    mesh = trimesh.Trimesh(stood.vertices, stood.faces)
-    mesh.export(tmp_path / "x.stl")
-    lying = mesh.copy()
-    lying.vertices = mesh.vertices[:, [0, 2, 1]] * (1, 1, -1)
-    lying.export(tmp_path / "x.glb")
-    places = [
-        np.asarray(from_file(tmp_path / f"x.{suffix}", "x", GREY).vertices)
-        for suffix in ("stl", "glb")
-    ]
-    for low_or_high in (np.min, np.max):
-        found = [low_or_high(each, axis=0) for each in places]
-        np.testing.assert_allclose(*found)
-    parts = sizes(from_file(tmp_path / "x.glb", "x", GREY))
-    centre = places[1].mean(axis=0)
-    read = from_file(tmp_path / "x.glb", "x", GREY)
-    middles = np.asarray(read.vertices)[np.asarray(read.faces)].mean(axis=1)
-    assert (np.einsum("ij,ij->i", parts, middles - centre) > 0).all()  # still outward
-
-
 @pytest.mark.parametrize(("unit", "near"), [(1.0, True), (1000.0, False), (100.0, False)])
 @pytest.mark.parametrize("radius", [4.0, 7.62, 15.0])
 def test_a_thing_in_millimetres_is_refused(unit: float, near: bool, radius: float) -> None:

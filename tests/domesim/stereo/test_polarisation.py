@@ -9,8 +9,6 @@ import pytest
 from theatres import cinema
 
 from domesim.errors import InputError
-from domesim.room.lenses import lobe_gain
-from domesim.room.theatre import Lobe
 from domesim.scene import load_stereo
 from domesim.stereo.polarisation import ALUMINIUM, crosstalk_estimate, screen_gain, seen_luminance
 from domesim.stereo.system import CircularFilter, PolarisedProjector, SilverScreen, StereoTheatre
@@ -34,12 +32,6 @@ def test_ideal_filters_and_facets_leave_nothing():
     own, other = on_axis(replace(SCREEN, depolarising_share=0.0))
     assert own > 1e-3
     assert abs(other) < 1e-15
-
-
-def test_oblique_facets_leave_next_to_nothing():
-    """Aluminium makes circular light a little elliptical, the more the larger the angle."""
-    share = crosstalk_estimate(cinema(replace(SCREEN, depolarising_share=0.0)), "right", 5, 7)
-    assert 1e-7 < share.min() < share.max() < 1e-3
 
 
 def test_a_screen_that_forgets_polarisation_shows_both_alike():
@@ -112,7 +104,7 @@ def screen_gain_of_facets(screen, to_lamp, to_eye, half):
     return density * hidden[0] * hidden[1] / (4 * to_lamp[1] * to_eye[1]) * screen.albedo
 
 
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", range(6))
 def test_filters_and_oblique_facets_by_fields_in_space(seed):
     random = np.random.default_rng(seed)
     screen = replace(SCREEN, depolarising_share=0.0, roughness=0.6)
@@ -156,17 +148,6 @@ def test_errors_of_retardance_add_up_or_cancel(sent, passed, axis, leak):
     glass = CircularFilter("left", 0, passed, axis)
     other = seen_luminance(screen, lens, glass, (0, -7, 0), CENTRE)
     assert other / ideal == pytest.approx(leak, abs=1e-12)
-
-
-def test_leaks_and_errors_do_not_just_add():
-    """Polarisers that leak keep their part of what retarders lead astray."""
-    screen = replace(SCREEN, depolarising_share=0.0)
-    ideal, _ = on_axis(screen)
-    lens = PolarisedProjector((0, -9, 0), CircularFilter("left", 0.01, 6.0))
-    glass = CircularFilter("left", 0.02, 4.0)
-    other = seen_luminance(screen, lens, glass, (0, -7, 0), CENTRE)
-    kept = (0.99 / 1.01) * (0.98 / 1.02)
-    assert other / ideal == pytest.approx((1 - kept * np.cos(np.radians(10))) / 2)
 
 
 SCENE = """
@@ -231,24 +212,6 @@ def test_half_of_the_depolarised_light_goes_astray():
     np.testing.assert_allclose(other / own, astray / (gain - astray), rtol=1e-12)
 
 
-def test_the_lobe_is_the_domes():
-    """Written for another screen, with facets that lose nothing."""
-    angles = np.radians(np.linspace(0, 35, 8))
-    ours = screen_gain(replace(SCREEN, depolarising_share=0.0), 0.2, angles)
-    to_lamp = np.array([-np.sin(0.2), -np.cos(0.2), 0])
-    to_eye = np.stack([np.sin(angles), -np.cos(angles), 0 * angles], -1)
-    facing = np.broadcast_to([0.0, -1, 0], to_eye.shape)
-    theirs = lobe_gain(Lobe(1.0, SCREEN.roughness), facing, to_eye, to_lamp)
-    mirror = abs((ALUMINIUM - 1) / (ALUMINIUM + 1)) ** 2
-    np.testing.assert_allclose(ours, mirror * theirs, rtol=1e-3)
-
-
-def test_light_may_go_either_way():
-    np.testing.assert_allclose(
-        screen_gain(SCREEN, 0.3, 0.7), screen_gain(SCREEN, 0.7, 0.3), rtol=1e-12
-    )
-
-
 def test_a_published_silver_screen():
     """Gain 2.4, half of it 26 degrees off (RealD, 2007): one roughness gives both."""
     assert screen_gain(SCREEN, 0.0) == pytest.approx(2.4, rel=0.01)
@@ -301,15 +264,6 @@ def test_crosstalk_rises_off_axis():
     assert rise[3] / rise[0] == pytest.approx(2.4, rel=0.05)  # just past the half-gain angle
 
 
-def test_crosstalk_rises_where_the_mirrored_projector_is_far():
-    """Row 0 is the top, col 0 the audience's left."""
-    right = crosstalk_estimate(CINEMA, "right", 5, 7)
-    assert np.all(np.diff(right[:, 2, :4], axis=-1) < 0)
-    assert np.all(right[..., 0] > 2 * right[..., -1])
-    low = crosstalk_estimate(cinema(SCREEN, lenses=((0, -24, -4), (0, -24, -4))), "low", 5, 7)
-    assert np.all(low[:, 0] > 1.5 * low[:, -1])
-
-
 def test_a_mirrored_theatre_has_a_mirrored_map():
     leaks = (0.001, 0.002, 0.003, 0.004)
     here = cinema(SCREEN, leaks)
@@ -351,20 +305,13 @@ def test_a_cell_is_the_mean_of_its_light():
         (lambda: SilverScreen(9.0, np.nan, 0.1, 0.3), "height must be above 0 m"),
         (lambda: SilverScreen(9.0, 5.0, 1.1, 0.3), r"depolarising share must be 0\.\.1, got 1.1"),
         (lambda: SilverScreen(9.0, 5.0, 0.1, 0.0), "roughness must be above 0 and at most 1"),
-        (lambda: SilverScreen(9.0, 5.0, 0.1, 0.3, 1.5), "albedo must be above 0 and at most 1"),
         (lambda: CircularFilter("up"), "hand must be left or right, got 'up'"),
         (lambda: CircularFilter("left", 0.0, 90.0), "between -90 and 90 degrees, got 90"),
-        (lambda: CircularFilter("left").at(200.0, 550.0), "got 157.5"),
-        (lambda: CircularFilter("left", axis=np.inf), "axis must be an angle, got inf"),
         (lambda: CircularFilter("left", 1.0), "leak must be at least 0 and below 1, got 1"),
         (lambda: PolarisedProjector((0, 9, 0), LEFT), "projector must be before the screen"),
-        (lambda: PolarisedProjector((0, -9), LEFT), r"three numbers \(x, y, z\)"),
-        (lambda: replace(CINEMA, seats={}), "no seats"),
         (lambda: replace(CINEMA, seats={"A1": (0, 0, 0)}), "seat 'A1' must be before the screen"),
         (lambda: replace(CINEMA, eyewear=(LEFT, RIGHT)), "swap the glasses"),
         (lambda: replace(CINEMA, projectors=CINEMA.projectors[:1] * 2), "both projectors send"),
-        (lambda: crosstalk_estimate(CINEMA, "Z9", 2, 2), "no seat 'Z9'; there are sweet spot"),
-        (lambda: crosstalk_estimate(CINEMA, "low", 0, 2), "at least 1, got 0 x 2"),
     ],
 )
 def test_what_cannot_be_is_refused(wrong, words):
