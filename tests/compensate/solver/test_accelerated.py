@@ -7,22 +7,10 @@ from dataclasses import replace
 import numpy as np
 from theatres import problem
 
-from compensate.problem import Problem
 from compensate.solver.accelerated import Accelerated
 from compensate.solver.result import Status
 
 EXACT = Accelerated(tolerance=1e-9, max_iterations=50000)
-
-
-def test_steps_with_momentum_need_fewer_ffts():
-    """Or it were plain projected gradient."""
-    posed, start = problem(24, mu=1e-4)
-    result = Accelerated(tolerance=1e-6)(posed, start)
-    light, steps = start, 0
-    while posed.cost(light) > result.cost * (1 + 1e-6) and steps < 5 * result.iterations:
-        light = posed.project(light - posed.gradient(light) / 1.2)
-        steps += 1
-    assert steps > 2 * result.iterations
 
 
 def test_the_work_is_counted():
@@ -50,11 +38,3 @@ def test_rounding_is_admitted():
     least = EXACT(double, exact_start).cost
     assert result.light.dtype == np.float32
     assert double.cost(result.light.astype(np.float64)) <= least * (1 + 1e-4)
-
-
-def test_nothing_to_do_is_no_division_by_zero():
-    posed, _ = problem(9)
-    light = np.full_like(posed.desired, 0.5)
-    bare = Problem(posed.observation, posed.weighting, posed.observation.observe(light))
-    result = Accelerated()(bare, light)
-    assert result.status is Status.CONVERGED

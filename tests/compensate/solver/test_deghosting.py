@@ -69,7 +69,7 @@ def grey() -> GreyToGrey:
 
 OBSERVATIONS = {
     "constant": lambda: Crosstalk(ROWS, COLS, leak_matrices(0.05)),
-    "directions": lambda: Crosstalk(ROWS, COLS, leak_matrices([[0.02], [0.1]])),
+    "directions": lambda: Crosstalk(ROWS, COLS, leak_matrices([[0.02], [0.1]]), black=BLACK),
     "map x 3x3": lambda: Crosstalk(ROWS, COLS, COLOURED, share=SHARE),
     "linearised": lambda: GreyToGrey(ROWS, COLS, LEVELS, grey_table()).linearised(pair()),
 }
@@ -201,16 +201,6 @@ def test_a_raised_black_is_exact_and_the_least(name):
     assert min(light.min(), 1 - light.max()) == pytest.approx(0, abs=1e-15)
 
 
-def test_the_player_s_shader_leaves_a_ghost_of_second_order():
-    c = 0.1
-    problem = posed(Crosstalk(ROWS, COLS, leak_matrices(c)), pair())
-    light = PlayerShader()(problem, None).light
-    assert light.min() >= 0
-    other = problem.desired[::-1]
-    expected = c + c**2 + (1 - c - c**2) * problem.desired - c**2 * other
-    assert problem.observation.observe(light) == pytest.approx(expected, abs=1e-15)
-
-
 def test_the_player_s_shader_has_one_number_for_each_eye_and_primary():
     observation = OBSERVATIONS["map x 3x3"]()
     problem = posed(observation, pair())
@@ -221,10 +211,9 @@ def test_the_player_s_shader_has_one_number_for_each_eye_and_primary():
         assert light[view] == pytest.approx(expected, abs=1e-14)
 
 
-@pytest.mark.parametrize("primaries", ["BT.709", "P3-DCI"])
 @by_kind
-def test_perceptual_subtraction_looks_nearer(name, primaries):
-    to_xyz = conversion(primaries, "XYZ")
+def test_perceptual_subtraction_looks_nearer(name):
+    to_xyz = conversion("P3-DCI", "XYZ")
     problem = posed(OBSERVATIONS[name](), pair())
     plain_light, _ = clipped_subtraction(problem)
     result = PerceptualSubtraction(to_xyz)(problem, None)
@@ -263,18 +252,6 @@ def test_perceptual_subtraction_finds_the_nearest_colours():
             for start in (here[view], (here[view] + 0.02) / 2):
                 better = minimize(squares, start, method="L-BFGS-B", bounds=[(0, 1)] * 3).fun
                 assert squares(here[view]) <= better + 1e-3
-
-
-def test_perceptual_subtraction_keeps_hue():
-    """One primary clips: subtraction turns greyish blue into more red; the nearest gives some."""
-    desired = np.empty((2, 3, 4, 3))
-    desired[0], desired[1] = [0.01, 0.03, 0.05], [0.4, 0.0, 0.0]
-    problem = posed(Crosstalk(3, 4, leak_matrices([[0.1], [0.0]])), desired)
-    light = PerceptualSubtraction()(problem, None).light
-    plain_light, _ = clipped_subtraction(problem)
-    assert light[1] == pytest.approx(plain_light[1], abs=1e-9)
-    assert light[0, ..., 0] == pytest.approx(0, abs=1e-12)
-    assert (light[0, ..., 1:] > plain_light[0, ..., 1:] + 1e-3).all()
 
 
 def test_perceptual_subtraction_in_parts_and_in_float32(monkeypatch):
@@ -361,30 +338,6 @@ def test_where_nothing_clips_every_exact_method_shows_the_master(solver, name):
         assert error <= 1e-13
     if isinstance(solver, PerceptualSubtraction | LocallyRaisedBlack):
         assert result.status is Status.EXACT
-
-
-@by_kind
-@by_name
-def test_every_method_reports_its_light(solver, name):
-    observation = OBSERVATIONS[name]()
-    if name == "linearised":
-        observation = grey().linearised(pair(np.float32))
-    problem = posed(observation, pair(np.float32))
-    result = solver(problem, None)
-    assert result.light.dtype == np.float32
-    assert (problem.project(result.light) == result.light).all()
-    assert result.cost == pytest.approx(problem.cost(result.light))
-    assert result.optimality == pytest.approx(problem.optimality(result.light))
-    assert result.ffts > 0
-    assert result.gap is None
-
-
-@by_name
-def test_black_is_subtracted_too(solver):
-    black = np.array(BLACK)
-    problem = posed(Crosstalk(ROWS, COLS, COLOURED, black=black), 0.2 + 0.6 * pair())
-    if not isinstance(solver, PlayerShader):
-        assert np.abs(problem.residual(solver(problem, None).light)).max() <= 1e-13
 
 
 def test_no_other_observation_is_taken():

@@ -10,7 +10,6 @@ from compensate.problem import Problem
 from compensate.solver.admm import ADMM
 from compensate.solver.baselines import Subtractive, clipped_subtraction
 from compensate.solver.fitting import fitting
-from compensate.solver.windows import Windows
 from domesim.observation.crosstalk import Crosstalk, leak_matrices
 from domesim.observation.followed import Followed
 
@@ -31,12 +30,6 @@ def test_subtraction_is_exact_wherever_it_can_be(name, dtype):
     assert 0.05 < between.mean() < 0.9
     assert (light.min(), np.abs(light[~on]).max()) == (0, 0)
     assert rounds <= 16
-
-
-def test_windows_solve_all_of_it():
-    posed, start = pair_problem(shutter(24))
-    windows = Windows(((slice(2, 5), slice(3, 6)),), 1, ADMM(), overhead=0)
-    assert windows(posed, start).gap <= 1e-3
 
 
 def test_what_no_solver_knows_goes_to_the_general_one():

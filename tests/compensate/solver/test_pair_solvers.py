@@ -16,9 +16,7 @@ from compensate.solver.baselines import clipped_subtraction
 from compensate.solver.gpcg import GPCG
 from compensate.solver.result import Status
 from compensate.weighting import CsfWeighting, PerceptualWeighting
-from domesim.errors import InputError
 from domesim.observation.crosstalk import Crosstalk, leak_matrices
-from domesim.observation.grey_to_grey import GreyToGrey
 
 
 def test_frozen_crosstalk_is_not_the_minimum_of_two_numbers():
@@ -65,13 +63,6 @@ def test_crosstalk_that_varies_wildly_is_solved_all_the_same(peak):
     assert found.cost <= check.cost * 1.001
 
 
-def test_a_table_that_subtraction_cannot_follow_is_refused():
-    levels = [0.0, 0.01, 1.0]
-    table = np.broadcast_to(np.array([0.0, 0.02, 0.03]), (2, 1, 3, 3))
-    with pytest.raises(InputError, match="own light than with the other's"):
-        GreyToGrey(4, 5, levels, table)
-
-
 def textured(rows: int, cols: int) -> np.ndarray:
     """A pair with fine texture, and darkness beside it."""
     random = np.random.default_rng(0)
@@ -82,12 +73,11 @@ def textured(rows: int, cols: int) -> np.ndarray:
     return np.clip(light, 0, 1).astype(np.float32)
 
 
-@pytest.mark.parametrize(("pixels_a_degree", "most"), [(21, 234), (43, 378), (86, 450)])
-def test_pixels_finer_than_the_eye_take_a_few_times_the_transforms(pixels_a_degree, most):
-    """The penalty goes by what is seen; at 86 one of 0.05 takes twice as many."""
+def test_pixels_finer_than_the_eye_take_a_few_times_the_transforms():
+    """The penalty goes by what is seen; one of 0.05 takes twice as many."""
     master = textured(192, 256)
     _, rows, cols, _ = master.shape
-    degrees = cols / pixels_a_degree
+    degrees = cols / 86
     near = replace(viewing(), extent=degrees, image_area=degrees**2 * rows / cols)
     weighting = PerceptualWeighting()(near, BT709, np.ones((rows, cols), bool), 2)
     plain = Problem(Crosstalk(rows, cols, leak_matrices(0.05)), weighting, master)
@@ -95,18 +85,15 @@ def test_pixels_finer_than_the_eye_take_a_few_times_the_transforms(pixels_a_degr
     posed = Problem(plain.observation, weighting, plain.desired, anchor=start, regularisation=1e-4)
     found = ADMM(stop_when_invisible=False)(posed, start)
     assert found.status is Status.CONVERGED
-    assert found.ffts <= most
+    assert found.ffts <= 450
 
 
-@pytest.mark.parametrize("gain", [0.1, 1.0])
-def test_a_black_pair_that_cannot_be_black_is_solved(gain):
+def test_a_black_pair_that_cannot_be_black_is_solved():
     """Everything is at a bound."""
     plain = OBSERVATIONS["map"](12, 16)
     observation = Crosstalk(12, 16, plain.matrices, share=plain.share, black=0.01)
     master = np.zeros((2, 12, 16, 3))
-    posed = Problem(
-        observation, two_views(12, 16, gain), master, anchor=master, regularisation=1e-4
-    )
+    posed = Problem(observation, two_views(12, 16, 0.1), master, anchor=master, regularisation=1e-4)
     found = ADMM()(posed, master)
     assert found.status is Status.CONVERGED
     assert found.cost <= posed.cost(master) * (1 + 1e-12)

@@ -149,11 +149,6 @@ def test_coarse_bands_are_the_same_on_a_reduced_grid(frequency, step):
     assert found[INSIDE].mean() == pytest.approx(expected[INSIDE].mean(), rel=0.1)
 
 
-def test_no_difference_no_response():
-    texture = PLAIN + grating(4.0, 0.4, 20)
-    assert (difference(texture, texture.copy()) == 0).all()
-
-
 @pytest.mark.parametrize(
     ("mask", "hides"),
     [
@@ -171,20 +166,6 @@ def test_a_texture_hides_what_is_like_it(mask, hides):
         assert masked < 0.3 * plain
     else:
         assert masked == pytest.approx(plain, rel=0.1)
-
-
-def test_more_of_the_texture_raises_the_threshold():
-    added = grating(4.0, 0.03, 0, phase=1.0)
-    found = []
-    for contrast in (0.0, 0.1, 0.2, 0.4, 0.8):
-        texture = PLAIN + grating(4.0, contrast)
-        found.append(difference(texture, texture + added)[INSIDE].sum())
-    assert (np.diff(found) < 0).all()
-
-
-def test_slow_veils_are_left_to_the_threshold():
-    assert difference(PLAIN, PLAIN + 0.5).max() < 1e-6
-    assert difference(PLAIN, PLAIN + grating(2.0, 0.1)).max() > 1
 
 
 def scene():
@@ -205,24 +186,6 @@ def test_which_picture_is_the_reference_does_not_matter():
     assert forth.min() >= 0
 
 
-def test_views_do_not_mix():
-    reference, test, adaptation = scene()
-    both = masked_difference(reference, test, adaptation, SEAT)
-    for view in range(2):
-        one = slice(view, view + 1)
-        alone = masked_difference(reference[one], test[one], adaptation[one], SEAT)
-        assert both[one] == pytest.approx(alone, rel=1e-3, abs=1e-4)
-
-
-def test_rows_are_treated_as_columns_are():
-    planes = scene()
-    turned = [np.ascontiguousarray(plane.swapaxes(1, 2)) for plane in planes]
-    found = masked_difference(*planes, SEAT)
-    assert masked_difference(*turned, SEAT) == pytest.approx(
-        found.swapaxes(1, 2), rel=1e-2, abs=float(1e-2 * found.max())
-    )
-
-
 def test_only_contrast_matters():
     planes = scene()
     brighter = [4 * plane for plane in planes]
@@ -238,12 +201,6 @@ def test_contrast_is_local():
     assert found[:, 96:120].sum() > 2 * found[:, 8:32].sum()
 
 
-def test_black_is_finite():
-    black = np.zeros((1, ROWS, COLS))
-    found = masked_difference(black, black + 1e-4, black, SEAT)
-    assert np.isfinite(found).all()
-
-
 def test_bands_beyond_the_eye_are_left_out():
     added = grating(8.0, 0.9, phase=0.0)
     lights = np.geomspace(1, 1e-4, 400)
@@ -253,27 +210,9 @@ def test_bands_beyond_the_eye_are_left_out():
     assert difference(PLAIN, PLAIN + added, viewing=seats[blind])[INSIDE].max() < 1e-4
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"test": np.ones((1, 96, 127))}, r"got test \(1, 96, 127\) beside reference \(1, 96, 128"),
-        ({"adaptation": np.ones((96, 128))}, r"got adaptation \(96, 128\)"),
-        ({"reference": np.full_like(PLAIN, np.nan)}, "reference of at least 0 cd/m², finite"),
-        ({"test": -PLAIN}, "test of at least 0"),
-        ({"adaptation": PLAIN * np.inf}, "adaptation of at least 0 cd/m², finite"),
-        (
-            {"viewing": Viewing(extent=180.0, image_area=48.0, distance=3.0, adaptation=5.0)},
-            "1 pixels per degree or more, got 0.711; use a larger picture",
-        ),
-    ],
-)
-def test_bad_input(change, message):
-    good = {"reference": PLAIN, "test": PLAIN, "adaptation": PLAIN, "viewing": SEAT}
-    with pytest.raises(InputError, match=message):
-        masked_difference(**{**good, **change})
-
-
-@pytest.mark.parametrize("wrong", [{"orientations": 1}, {"lowest": 0.0}, {"lowest": np.nan}])
-def test_an_impossible_cortex_is_refused(wrong):
+def test_what_cannot_be_is_refused():
+    wide = Viewing(extent=180.0, image_area=48.0, distance=3.0, adaptation=5.0)
+    with pytest.raises(InputError, match=r"1 pixels per degree or more, got 0.711; use a larger"):
+        difference(PLAIN, PLAIN, viewing=wide)
     with pytest.raises(InputError, match="a cortex takes"):
-        Cortex(**wrong)
+        Cortex(orientations=1)
