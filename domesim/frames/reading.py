@@ -163,6 +163,8 @@ def opened(
     """
     form = _examined(path, projection, header=header)
     reader = _reader_of(path, form)
+    if form is not None and form.stored_anew:
+        form = replace(form, stored_anew=(), stored=sum(map(len, form.stored_anew)))
     try:
         name = reader.format_name()
         if name not in FORMATS:
@@ -232,9 +234,9 @@ def _described_by_file(path: Path, form: Format, file: BinaryIO, *, header: bool
 
 
 def _reader_of(path: Path, form: Format | None) -> Any:
-    if form is not None and form.stored_anew is not None:
+    if form is not None and form.stored_anew:
         with in_memory() as (memory, place):
-            memory.write(form.stored_anew)
+            memory.writelines(form.stored_anew)
             memory.flush()
             # The reader has it open by itself.
             return _open_at(path, place, form)
@@ -282,6 +284,8 @@ def _refuse_video(path: Path) -> None:
 
 def _packed(content: bytes) -> bytes:
     """XMP that a PNG holds compressed, as ImageMagick also in hexadecimal digits."""
+    if b"xmp\0" not in content:
+        return b""
     found = _PACKED.search(content)
     if found is None:
         return b""
@@ -366,7 +370,7 @@ def layout_of(
         notes.append(f"turned upright: its Orientation is {orientation}")
     header = Header(
         format=form.label,
-        file=replace(form.of_part(reader.current_subimage()), stored_anew=None),
+        file=form.of_part(reader.current_subimage()),
         attributes=attributes_of(path, spec, form),
         channels=channels,
         kinds=kinds,
@@ -451,7 +455,7 @@ def refuse_implausible_size(
         raise InputError(f"{path}: wanted an image, got a volume of depth {spec.depth}. Slice it.")
     if spec.get_string_attribute("compression") in _UNLIMITED_COMPRESSION:
         return
-    decoded, stored = spec.image_bytes(True), len(form.stored_anew or b"") or path.stat().st_size
+    decoded, stored = spec.image_bytes(True), form.stored or path.stat().st_size
     if decoded > form.largest_ratio * stored:
         raise InputError(
             f"{path}: wanted a whole {form.label}, got {stored} bytes for {data[2]} x {data[3]} "
@@ -581,6 +585,7 @@ def read_samples(path: Path, reader: Any, channels: range, kind: str) -> NDArray
 
 _BAND = 256
 """Rows that are read at once: whole blocks of any compression of EXR."""
+_BY_BANDS = ("openexr", "png")
 
 
 def _samples(path: Path, reader: Any, channels: range, kind: str) -> NDArray[Any] | None:
@@ -589,12 +594,12 @@ def _samples(path: Path, reader: Any, channels: range, kind: str) -> NDArray[Any
     A picture that is read at once is copied by OpenImageIO, from memory that as many bytes take.
     """
     spec, part = reader.spec(), reader.current_subimage()
-    of_exr = reader.format_name() == "openexr"
-    if of_exr and kind == "half" and len(channels) == spec.nchannels:
+    name = reader.format_name()
+    if name == "openexr" and kind == "half" and len(channels) == spec.nchannels:
         halves = halves_of(path, spec.channelnames)
         if halves is not None:
             return halves
-    if not of_exr or spec.tile_width or spec.height <= _BAND:
+    if name not in _BY_BANDS or spec.tile_width or spec.height <= _BAND:
         whole: NDArray[Any] | None = reader.read_image(part, 0, channels.start, channels.stop, kind)
         return whole
     samples = np.empty((spec.height, spec.width, len(channels)), dtype_of(kind))

@@ -32,6 +32,8 @@ Angles: TypeAlias = NDArray[np.floating[Any]]
 _GAUSS = [np.polynomial.legendre.leggauss(nodes) for nodes in (6, 2)]
 _SHORT = 1 / 256
 """Pieces of half a picture's side for which Gauss's rule of two nodes is exact to rounding."""
+_TEMPORARIES = 10
+"""Arrays of a strip of edges: all of them are to fit a core's cache."""
 
 
 @final
@@ -304,7 +306,7 @@ class Dome:
         # The pole is in the last
         quadrant[-1, -1] += 2 * np.pi * (1 - np.cos(self.half_angle)) / (1 if size % 2 else 4)
         np.maximum(quadrant, 0.0, out=quadrant)
-        quadrant[_nearest_distance(grid[: half + 1]) >= 1] = 0.0
+        quadrant[~_touched(size)] = 0.0
         solid_angle = np.empty((size, size), dtype)
         solid_angle[:half, :half], solid_angle[:half, -half:] = quadrant, quadrant[:, ::-1]
         solid_angle[-half:] = solid_angle[:half][::-1]
@@ -456,10 +458,13 @@ def _pixel_centres(
     return centres[None, :], centres[:, None]
 
 
-def _nearest_distance(grid: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(row, col): distance from the image's centre to the pixel's nearest point."""
-    near = np.maximum(np.maximum(grid[:-1], -grid[1:]), 0.0)
-    return np.hypot(near[:, None], near[None, :])
+def _touched(size: int) -> NDArray[np.bool_]:
+    """(row, col) of the upper left quadrant: whether the circle reaches into the pixel.
+
+    In whole numbers: halves of pixels from the centre to the pixel's nearest point.
+    """
+    near = np.maximum(size - 2 * (np.arange((size + 1) // 2) + 1), 0)
+    return np.asarray(near[:, None] ** 2 + near[None, :] ** 2 < size**2)
 
 
 def _edge_integrals(grid: NDArray[np.floating[Any]], half_angle: float) -> NDArray[np.float64]:
@@ -485,5 +490,5 @@ def _edge_integrals(grid: NDArray[np.floating[Any]], half_angle: float) -> NDArr
             integral += (-2 * weight * v) * half * (sine * sine / square)
         edges[lines] = integral
 
-    in_strips(fill, (1, *edges.shape))
+    in_strips(fill, (1, *edges.shape, _TEMPORARIES))
     return edges

@@ -247,7 +247,7 @@ def encoded(
         What tells the same light before it was clipped to what the projector shows: what was
         clipped is kept, too. None if nothing was.
     spent
-        Whether the light may be overwritten: halves then take its memory, and no more.
+        Whether the light may be overwritten: code values then take its memory, and no more.
 
     Returns
     -------
@@ -312,12 +312,13 @@ def encoded(
 
 
 def _room_for_codes(light: Light, *, of_halves: bool, spent: bool) -> NDArray[Any]:
-    """Any codes of the shape of light; in its own memory if they are halves, and it is spent."""
+    """Any codes of the shape of light; in its own memory if it is spent."""
     planes = np.moveaxis(light, -1, 1)
-    if not (spent and of_halves and planes.flags.c_contiguous):
+    if not (spent and planes.flags.c_contiguous and light.dtype == np.float32):
         return empty_light(light.shape, np.float16 if of_halves else np.float32)
-    halves = planes.view(np.float16)[..., : light.shape[2]]  # a row's lie where the row began
-    return np.moveaxis(halves, 1, -1)
+    if of_halves:
+        planes = planes.view(np.float16)[..., : light.shape[2]]  # a row's lie where the row began
+    return np.moveaxis(planes, 1, -1)
 
 
 def _graded(

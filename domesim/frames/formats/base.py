@@ -6,7 +6,7 @@ a format's own, in its module.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -33,6 +33,9 @@ from domesim.host.system import in_memory
 Window: TypeAlias = tuple[int, int, int, int]
 """Left, top, cols, rows."""
 
+Piece: TypeAlias = "bytes | memoryview[int]"
+"""Of a file's bytes."""
+
 
 @dataclass(frozen=True)
 class Format:
@@ -50,7 +53,8 @@ class Format:
     turned: int | None = None  # Exif's number for its orientation
     aspect: float | None = None  # width of a pixel by its height
     unassociated: bool | None = None  # whether colours are not multiplied by alpha
-    stored_anew: bytes | None = None  # the file as OpenImageIO can read it
+    stored_anew: Sequence[Piece] = ()  # the file as OpenImageIO can read it, piece by piece
+    stored: int = 0  # bytes of that, which is let go when it is open
     notes: tuple[str, ...] = ()  # for a person
 
     starts: ClassVar[tuple[bytes, ...]] = ()  # what files begin with that `examined` is to see

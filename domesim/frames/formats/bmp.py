@@ -40,4 +40,4 @@ class BMP(Format):
                 old.save(anew, "BMP")
         except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
             raise DamagedError("one that does not decode") from error
-        return replace(self, stored_anew=anew.getvalue())
+        return replace(self, stored_anew=(anew.getvalue(),))

@@ -74,12 +74,12 @@ class DPX(Format):
             )
         turned = int.from_bytes(header[_TURNED : _TURNED + 2], "big" if order == ">" else "little")
         shown = _EXIF[turned] if turned < len(_EXIF) else UPRIGHT
-        anew = None
+        anew: tuple[bytes, ...] = ()
         if turned in _COLUMNS:  # OpenImageIO makes rows of them
             file.seek(0)
             content = bytearray(file.read())
             content[_TURNED : _TURNED + 2] = bytes(2)
-            anew = bytes(content)
+            anew = (bytes(content),)
         big = order == ">"
         return replace(self, header=header, big_endian=big, turned=shown, stored_anew=anew)
 

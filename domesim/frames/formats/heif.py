@@ -124,9 +124,9 @@ class HEIF(Format):
             colour = chunk(b"iCCP", b"HEIF\0\0" + zlib.compress(profile))
         elif not set(points) & {*_UNSAID}:
             colour = chunk(b"cICP", bytes((*points, 0, 1)))
-        content = [chunk(b"IHDR", header), colour, chunk(b"IDAT", compressed(codes))]
+        content = [chunk(b"IHDR", header), colour, chunk(b"IDAT", b"".join(compressed(codes)))]
         png = b"".join([b"\x89PNG\r\n\x1a\n", *content, chunk(b"IEND", b"")])
-        return replace(self, name="png", stored_anew=png, turned=turned, unassociated=straight)
+        return replace(self, name="png", stored_anew=(png,), turned=turned, unassociated=straight)
 
 
 def _decoded(path: Path) -> tuple[NDArray[np.float32], tuple[int, int]]:

@@ -74,7 +74,7 @@ class JPEG(Format):
             notes = ("the other pictures in its file are left out",)
         # OpenImageIO would apply a gain map, and give light beyond white.
         alone = _without(first, (_INDEX, *_GAINS))
-        anew = None if alone == content else alone
+        anew: tuple[bytes, ...] = () if alone == content else (alone,)
         metadata, eyes = _metadata_of(content), _eyes_of(content)
         return replace(self, metadata=metadata, eyes=eyes, notes=notes, stored_anew=anew)
 

@@ -6,12 +6,13 @@ Of the PNG specification, third edition (W3C, 2025): 5.4 chunk types, 8.1 interl
 
 from __future__ import annotations
 
+import os
 import struct
 import zlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, BinaryIO, Self, final
+from typing import Any, BinaryIO, Self, TypeAlias, final
 
 from isal import isal_zlib
 from isal.igzip_lib import IsalError
@@ -27,7 +28,15 @@ from domesim.frames.colour import (
     primaries_of,
 )
 from domesim.frames.eyes import SIDE_BY_SIDE, Eyes
-from domesim.frames.formats.base import Format, Target, animated, colour_of_exif, encode, index_of
+from domesim.frames.formats.base import (
+    Format,
+    Piece,
+    Target,
+    animated,
+    colour_of_exif,
+    encode,
+    index_of,
+)
 from domesim.frames.formats.png_pixels import compressed
 from domesim.frames.integrity import DamagedError, refuse_sides
 
@@ -68,25 +77,25 @@ class PNG(Format):
         """Check all chunks up to IEND, or before the first of a kind."""
         colour, carried, picture, eyes = b"", b"", _Picture(), None
         others = [_START]  # than those of pixels
-        for kind, chunk in chunks_of(file.read()):
+        for kind, content, checksum in _read_chunks(file, until):
             if kind == until:
                 break
-            if isal_zlib.crc32(memoryview(chunk)[4:-4]) != int.from_bytes(chunk[-4:]):
+            if isal_zlib.crc32(content, isal_zlib.crc32(kind)) != checksum:
                 name = kind.decode("ascii", "replace")
                 raise DamagedError(f"a wrong checksum in chunk {name!r}")
-            picture.add(kind, chunk[8:-4])
-            if kind not in (b"IDAT", b"IEND"):
-                others.append(chunk)
+            picture.add(kind, content)
             if kind == b"acTL":
                 raise animated(path)
             if kind == b"sTER":
-                eyes = _eyes_of(chunk[8:-4])
+                eyes = _eyes_of(bytes(content))
             if kind == b"IHDR":
                 refuse_sides(path, *picture.sides)
+            if kind not in (b"IDAT", b"IEND"):
+                others.append(chunk(kind, content))
             if kind in _COLOUR:
-                colour += chunk
+                colour += others[-1]
             if kind in _CARRIED:
-                carried += chunk
+                carried += others[-1]
             if kind == b"IEND":
                 break
         else:
@@ -128,7 +137,7 @@ class PNG(Format):
             return None
         exif = Image.Exif()
         try:
-            exif.load(chunks[b"eXIf"][8:-4])
+            exif.load(bytes(chunks[b"eXIf"][8:-4]))
             return colour_of_exif(exif.get_ifd(_EXIF).get(_SPACE, 0), index_of(exif))
         except (ValueError, SyntaxError, OSError, struct.error):  # of damage
             return None
@@ -136,15 +145,14 @@ class PNG(Format):
     def encoded(self, path: Path, spec: Any, samples: NDArray[Any]) -> bytes:
         """One line by OpenImageIO, for the header, and all compressed by all cores."""
         spec.height = spec.full_height = 1
-        content = encode(path, self, spec, samples[:1])
-        chunks = list(chunks_of(content))
+        chunks = list(chunks_of(encode(path, self, spec, samples[:1])))
         first = next(k for k, (kind, _) in enumerate(chunks) if kind == b"IDAT")
         cols, _, kinds = struct.unpack(">2I5s", chunks[0][1][8:-4])
         header = chunk(b"IHDR", struct.pack(">2I5s", cols, len(samples), kinds))
         before = [whole for _, whole in chunks[1:first]]
         after = [whole for kind, whole in chunks[first:] if kind != b"IDAT"]
-        picture = chunk(b"IDAT", compressed(samples))
-        return b"".join([content[:8], header, *before, picture, *after])
+        picture = _of_pieces(b"IDAT", compressed(samples))
+        return b"".join([_START, header, *before, *picture, *after])
 
     def stated_eyes(self, eyes: Eyes | None) -> bytes:
         """Chunk sTER, which knows one packing."""
@@ -156,10 +164,12 @@ class PNG(Format):
         colour = colour_chunks(target.colour)
         if target.keeps_colour and (target.same or target.said.get("ICCProfile") is not None):
             colour = self.colour_chunks
+        chunks: _Chunks = list(chunks_of(content))
         if target.same:
-            content = _with_carried_chunks(content, self.carried)
-        content = with_colour_chunks(content, colour + self.stated_eyes(target.eyes))
-        return content if target.same else _with_utf8_text(content)
+            chunks = _with_carried(chunks, self.carried)
+        else:
+            chunks = [(kind, _as_utf8(kind, each)) for kind, each in chunks]
+        return _joined(_with_colour(chunks, colour + self.stated_eyes(target.eyes)))
 
 
 def colour_chunks(colour: ColourTag) -> bytes:
@@ -193,48 +203,76 @@ def _eyes_of(content: bytes) -> Eyes:
 # Chunks.
 
 
-def chunks_of(png: bytes) -> Iterator[tuple[bytes, bytes]]:
+def chunks_of(png: bytes) -> Iterator[tuple[bytes, memoryview[int]]]:
     """(type, whole chunk) of each chunk that is entirely there."""
-    position = 8
+    position, view = len(_START), memoryview(png)
     while position + 12 <= len(png):
         (length,) = struct.unpack_from(">I", png, position)
         end = position + 12 + length
         if end > len(png):
             return
-        yield png[position + 4 : position + 8], png[position:end]
+        yield png[position + 4 : position + 8], view[position:end]
         position = end
 
 
-def chunk(kind: bytes, content: bytes) -> bytes:
+def _read_chunks(file: BinaryIO, until: bytes) -> Iterator[tuple[bytes, memoryview[int], int]]:
+    """(type, content, checksum) of chunks that are entirely there; `until` one, without content."""
+    end = file.seek(0, os.SEEK_END)
+    file.seek(len(_START))
+    while len(head := file.read(8)) == 8:
+        length, kind = struct.unpack(">I4s", head)
+        if file.tell() + length + 4 > end:
+            return
+        if kind == until:
+            yield kind, memoryview(b""), 0
+        content = memoryview(file.read(length + 4))
+        yield kind, content[:-4], int.from_bytes(content[-4:])
+
+
+def chunk(kind: bytes, content: Piece) -> bytes:
     """A whole chunk: length, type, content, checksum."""
-    checksum = struct.pack(">I", zlib.crc32(kind + content))
-    return struct.pack(">I", len(content)) + kind + content + checksum
+    return b"".join(_of_pieces(kind, [content]))
+
+
+def _of_pieces(kind: bytes, pieces: Sequence[Piece]) -> list[Piece]:
+    """A whole chunk, in pieces."""
+    length, checksum = 0, isal_zlib.crc32(kind)
+    for piece in pieces:
+        length += len(piece)
+        checksum = isal_zlib.crc32(piece, checksum)
+    return [length.to_bytes(4), kind, *pieces, checksum.to_bytes(4)]
+
+
+_Chunks: TypeAlias = "list[tuple[bytes, Piece]]"
 
 
 def with_colour_chunks(png: bytes, colour: bytes) -> bytes:
-    """`png` with the colour chunks `colour` (after IHDR, where they must be) instead of its own."""
-    header, *others = [whole for kind, whole in chunks_of(png) if kind not in _COLOUR]
-    return b"".join([png[:8], header, colour, *others])
+    """`png` with the colour chunks `colour` instead of its own."""
+    return _joined(_with_colour(list(chunks_of(png)), colour))
 
 
-def _with_utf8_text(png: bytes) -> bytes:
-    """Marks as UTF-8 the text of `png` that OpenImageIO writes so, but declares Latin-1."""
-    return png[:8] + b"".join(
-        _as_utf8(whole) if kind == b"tEXt" else whole for kind, whole in chunks_of(png)
-    )
+def _with_colour(chunks: _Chunks, colour: bytes) -> _Chunks:
+    """The chunks with those of `colour` (after IHDR, where they must be) instead of their own."""
+    header, *others = [each for each in chunks if each[0] not in _COLOUR]
+    return [header, (b"", colour), *others]
 
 
-def _with_carried_chunks(png: bytes, carried: bytes) -> bytes:
-    """`png` with those chunks, as they were, instead of what it says besides its picture."""
-    chunks = [(kind, content) for kind, content in chunks_of(png) if kind in (*_KEPT, *_COLOUR)]
+def _with_carried(chunks: _Chunks, carried: bytes) -> _Chunks:
+    """The chunks with those, as they were, instead of what they say besides the picture."""
+    chunks = [each for each in chunks if each[0] in (*_KEPT, *_COLOUR)]
     first = next(k for k, (kind, _) in enumerate(chunks) if kind in (b"PLTE", b"IDAT"))
-    whole = [content for _, content in chunks]
-    return b"".join([png[:8], *whole[:first], carried, *whole[first:]])
+    return [*chunks[:first], (b"", carried), *chunks[first:]]
 
 
-def _as_utf8(text: bytes) -> bytes:
-    """A chunk tEXt, or iTXt if it must be (PNG specification, 11.3.3)."""
-    keyword, _, value = text[8:-4].partition(b"\0")
+def _joined(chunks: _Chunks) -> bytes:
+    return b"".join([_START, *(whole for _, whole in chunks)])
+
+
+def _as_utf8(kind: bytes, text: Piece) -> Piece:
+    """A chunk, tEXt as iTXt if it must be: OpenImageIO writes UTF-8 in it (PNG, 11.3.3)."""
+    if kind != b"tEXt":
+        return text
+    keyword, _, value = bytes(text)[8:-4].partition(b"\0")
     return text if value.isascii() else chunk(b"iTXt", keyword + b"\0\0\0\0\0" + value)
 
 
@@ -254,9 +292,9 @@ _PASSES = (
 )
 _CRITICAL = (b"PLTE", b"IDAT", b"IEND")  # and IHDR
 _LAST_FILTER = 4
-_BLOCK = 1 << 16
 _MOST_KEPT = 1 << 29  # bytes of pixels
 _DEFLATED, _LONGEST = b"\x78\x01", 0xFFFF  # begin of a stream, bytes of a block (RFC 1950, 1951)
+_NO_MORE = b"\x01\x00\x00\xff\xff"  # a last block, of nothing
 _WHOLE_WINDOW = 7  # in a stream's first byte: 32 kB (RFC 1950, 2.2)
 
 
@@ -268,10 +306,10 @@ class _Picture:
         self.sides = (0, 0)  # cols, rows
         self._missing: list[tuple[int, int]] = []  # of passes: bytes of a line, bytes to come
         self._pixels: Any = None
-        self._step = _BLOCK
+        self._step = _LONGEST
         self._inflated: list[bytes] | None = []
 
-    def add(self, kind: bytes, content: bytes) -> None:
+    def add(self, kind: bytes, content: memoryview[int]) -> None:
         """Take the next chunk: not if it is impossible, or too little came before the last one."""
         if kind == b"IHDR":
             self._begin(content)
@@ -282,12 +320,12 @@ class _Picture:
         elif kind[:1].isupper() and kind not in _CRITICAL:
             raise DamagedError("a chunk that must be understood, of an unknown kind")
         elif kind == b"IDAT":
-            for begin in range(0, len(content), _BLOCK):
-                self._inflate(content[begin : begin + _BLOCK])
+            for begin in range(0, len(content), _LONGEST):
+                self._inflate(content[begin : begin + _LONGEST])
         elif kind == b"IEND" and (self._missing or not self._pixels.eof):
             raise DamagedError("one with too few pixels")
 
-    def _begin(self, header: bytes) -> None:
+    def _begin(self, header: memoryview[int]) -> None:
         if len(header) != 13 or any(self.sides):
             raise DamagedError("an impossible header")
         cols, rows, depth, colour, compression, filtering, interlacing = struct.unpack(
@@ -305,28 +343,24 @@ class _Picture:
         if sum(missing for _, missing in self._missing) > _MOST_KEPT:
             self._inflated = None
 
-    def anew(self, others: Sequence[bytes]) -> bytes | None:
+    def anew(self, others: Sequence[bytes]) -> tuple[Piece, ...]:
         """The whole PNG, its pixels not compressed: libpng inflates three times as slowly.
 
-        None of a large one.
+        Nothing of a large one.
         """
         if self._inflated is None:
-            return None
-        stored = b"".join(self._inflated)
-        parts: list[bytes | memoryview[int]] = [b"IDAT", _DEFLATED]
-        for begin in range(0, len(stored), _LONGEST):
-            block = memoryview(stored)[begin : begin + _LONGEST]
-            last = begin + _LONGEST >= len(stored)
-            parts += (struct.pack("<BHH", last, len(block), len(block) ^ _LONGEST), block)
-        parts.append(isal_zlib.adler32(stored).to_bytes(4))
-        length = sum(map(len, parts)) - len(b"IDAT")
-        checksum = 0
-        for part in parts:
-            checksum = isal_zlib.crc32(part, checksum)
-        whole = (length.to_bytes(4), *parts, checksum.to_bytes(4))
-        return b"".join([*others, *whole, chunk(b"IEND", b"")])
+            return ()
+        blocks: list[Piece] = [_DEFLATED]
+        summed = 1
+        for piece in self._inflated:
+            summed = isal_zlib.adler32(piece, summed)
+            for begin in range(0, len(piece), _LONGEST):
+                block = memoryview(piece)[begin : begin + _LONGEST]
+                blocks += (struct.pack("<BHH", 0, len(block), len(block) ^ _LONGEST), block)
+        blocks += (_NO_MORE, summed.to_bytes(4))
+        return (*others, *_of_pieces(b"IDAT", blocks), chunk(b"IEND", b""))
 
-    def _inflate(self, content: bytes) -> None:
+    def _inflate(self, content: Piece) -> None:
         """Look at what libpng will see."""
         if self._pixels is None:
             self._pixels = isal_zlib.decompressobj()

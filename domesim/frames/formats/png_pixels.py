@@ -25,8 +25,8 @@ _FILTERED = 1 << 16
 """Bytes of lines that are filtered at once: a core's cache holds them."""
 
 
-def compressed(samples: NDArray[Any]) -> bytes:
-    """The zlib stream of a picture's filtered lines.
+def compressed(samples: NDArray[Any]) -> list[bytes]:
+    """The zlib stream of a picture's filtered lines, in pieces.
 
     Pieces do not look back on those before them, and have the same bytes whoever compresses them.
 
@@ -53,7 +53,7 @@ def compressed(samples: NDArray[Any]) -> bytes:
     checksum = 1
     for _, lines in parts:
         checksum = zlib.adler32(lines.data, checksum)
-    return b"".join([_HEADER, *(each for each, _ in parts), checksum.to_bytes(4)])
+    return [_HEADER, *(stream for stream, _ in parts), checksum.to_bytes(4)]
 
 
 def _filtered(samples: NDArray[Any], rows: slice, pixel: int) -> NDArray[np.uint8]:

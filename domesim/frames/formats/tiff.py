@@ -246,13 +246,13 @@ class _File:
             _SUB_DIRECTORIES in first and max(sides) > sides[0]
         )
 
-    def stored_anew(self) -> bytes | None:
-        """The TIFF with its strips as ZIP; None if it can be read as it is."""
+    def stored_anew(self) -> tuple[bytes, ...]:
+        """The TIFF with its strips as ZIP; nothing if it can be read as it is."""
         tags: _Tags = [*self._directories(), {}][0]
         compression = self._first(tags, _COMPRESSION, 1)
         backward = self._first(tags, _FILL_ORDER, 1) == 2
         if not (compression in (_ZSTD, _LZMA) or (backward and compression in _ZIP)):
-            return None
+            return ()
         names = [pair for pair in zip(_PLACES, _SIZES, strict=True) if pair[0] in tags]
         if len(names) != 1:
             raise ValueError("one without strips")
@@ -279,7 +279,7 @@ class _File:
         self._put(made, tags[_COMPRESSION].place, 3, [_ZIP[0]])
         if _FILL_ORDER in tags:
             self._put(made, tags[_FILL_ORDER].place, 3, [1])
-        return bytes(made)
+        return (bytes(made),)
 
     def _put(self, made: bytearray, place: int, kind: int, values: list[int]) -> None:
         """Give the tag at `place` other values, behind the file if they do not fit."""

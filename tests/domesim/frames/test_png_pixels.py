@@ -39,7 +39,7 @@ def test_lines_are_those_of_the_specification(
     for piece in (1 << 20, 2 * 7 * pixel):  # all at once, two lines at a time
         monkeypatch.setattr(png_pixels, "_PIECE", piece)
         monkeypatch.setattr(png_pixels, "_FILTERED", piece // 2)
-        np.testing.assert_array_equal(unfiltered(compressed(samples), 9, pixel), expected)
+        np.testing.assert_array_equal(unfiltered(b"".join(compressed(samples)), 9, pixel), expected)
 
 
 def test_pieces_have_the_same_bytes_whoever_compresses_them(
