@@ -307,15 +307,17 @@ class Dome:
         quadrant[-1, -1] += 2 * np.pi * (1 - np.cos(self.half_angle)) / (1 if size % 2 else 4)
         np.maximum(quadrant, 0.0, out=quadrant)
         quadrant[~_touched(size)] = 0.0
-        solid_angle = np.empty((size, size), dtype)
-        solid_angle[:half, :half], solid_angle[:half, -half:] = quadrant, quadrant[:, ::-1]
-        solid_angle[-half:] = solid_angle[:half][::-1]
-        if self.height_ratio == 1 and self.truncated_below is None:
-            solid_angle *= self.radius**2
-            return solid_angle
+        sphere = self.height_ratio == 1 and self.truncated_below is None
+        if sphere:
+            quadrant *= self.radius**2
+        areas = np.empty((size, size), dtype)
+        areas[:half, :half], areas[:half, -half:] = quadrant, quadrant[:, ::-1]
+        areas[-half:] = areas[:half][::-1]
+        if sphere:
+            return areas
         u, v = _pixel_centres(rows, cols)
         theta = np.minimum(np.hypot(u, v), 1.0) * self.half_angle
-        areas = solid_angle * self.area_density(theta)
+        areas = areas * self.area_density(theta)
         if self.truncated_below is not None:
             areas = areas * self._share_above(grid, self.truncated_below)
         if not areas.any():
@@ -358,7 +360,7 @@ class Dome:
             raise InputError(f"no pixel of {cols} x {rows} is on the screen; use more of them")
         row, col = np.nonzero((areas > 0) & ~inside)
         cut, result = areas[row, col], areas
-        result[~inside] = 0
+        np.copyto(result, 0, where=~inside)
         if self.truncated_below is not None:
             nearest = scipy.ndimage.distance_transform_edt(
                 ~inside, return_distances=False, return_indices=True
@@ -464,7 +466,7 @@ def _touched(size: int) -> NDArray[np.bool_]:
     In whole numbers: halves of pixels from the centre to the pixel's nearest point.
     """
     near = np.maximum(size - 2 * (np.arange((size + 1) // 2) + 1), 0)
-    return np.asarray(near[:, None] ** 2 + near[None, :] ** 2 < size**2)
+    return np.asarray(near[:, None] ** 2 < size**2 - near**2)
 
 
 def _edge_integrals(grid: NDArray[np.floating[Any]], half_angle: float) -> NDArray[np.float64]:
