@@ -27,6 +27,7 @@ from domesim.frames.formats.exr import EXR, Part, as_carried, halves_of
 from domesim.frames.frame import Frame, Header, Pixels
 from domesim.frames.halves import are_sound
 from domesim.frames.integrity import (
+    EQUIRECTANGULAR,
     SQUARE,
     DamagedError,
     damaged,
@@ -169,6 +170,9 @@ def opened(
         name = reader.format_name()
         if name not in FORMATS:
             raise InputError(f"{path}: wanted {LABELS}, got {name}. Convert it to EXR or PNG.")
+        said = _ENVIRONMENTS.get(reader.spec().get_string_attribute("textureformat"), "")
+        if said not in ("", projection):
+            raise projected(path, said)
         # By its suffix OpenImageIO may take it for another than its first bytes say.
         yield reader, form if form is not None and form.name == name else FORMATS[name]
     finally:
@@ -199,6 +203,9 @@ def _examined(path: Path, projection: str, *, header: bool) -> Format | None:
             f"{path}: wanted to read it, got '{reason(error)}'. Check its path and permissions."
         ) from error
 
+
+_ENVIRONMENTS = {"LatLong Environment": EQUIRECTANGULAR, "CubeFace Environment": "a cube"}
+"""OpenImageIO's names of EXR's attribute envmap."""
 
 _ENDS = 1 << 18  # bytes in which XMP is looked for
 _PACKED = re.compile(

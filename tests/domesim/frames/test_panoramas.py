@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import OpenEXR
 import pytest
 from command_line import Run
 from image_files import store
@@ -131,3 +132,19 @@ def test_the_way_is_told_by_a_pictures_shape(
     refused = run("observe", path, "--scene", "dome_hemisphere", "--out", out)
     refused.is_refused("a domemaster is square", *([f"domemaster --from {kind})"] if kind else []))
     assert kind or "panorama" not in refused.err
+
+
+def test_an_exr_that_is_an_environment_map(tmp_path: Path, out: Path, run: Run) -> None:
+    """Of OpenEXR's attribute envmap, which the domemaster made of it does not say."""
+    for kind in (OpenEXR.ENVMAP_LATLONG, OpenEXR.ENVMAP_CUBE):
+        path = tmp_path / f"{kind.name}.exr"
+        with OpenEXR.File({"envmap": kind}, {"RGB": halves(0.8, 0.2).astype(np.float16)}) as file:
+            file.write(str(path))
+    cube, panorama = path, tmp_path / "ENVMAP_LATLONG.exr"
+    scene = ("--scene", "dome_hemisphere")
+    way = "domesim domemaster --from equirectangular"
+    assert way in run("observe", panorama, *scene, "--out", out).err
+    run("domemaster", cube, *FROM, "--out", out).is_refused("one that says it is a cube")
+    assert run("domemaster", panorama, *FROM, "--out", out).code == 0
+    assert sides(out / panorama.name) == pytest.approx((0.8, 0.2), abs=0.03)
+    assert run("observe", out / panorama.name, *scene, "--out", out / "seen").code == 0
