@@ -286,7 +286,9 @@ class PlainRuler:
         darker = np.zeros(self._master.shape, np.bool_)
         if self._whole.any():
             for view, dark in zip(self._master, darker, strict=True):
-                np.less_equal(view, np.quantile(view[self._whole], share), out=dark)
+                values = view[self._whole]
+                last = int(share * (values.size - 1))
+                np.less_equal(view, np.partition(values, last)[last], out=dark)
         return darker & self._whole
 
     @cached_property
