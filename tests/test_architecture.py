@@ -26,7 +26,7 @@ def test_the_tops_of_the_packages_load_nothing():
 
 
 def test_slow_imports_wait_until_they_are_needed():
-    modules = ("colour", "torch", "matplotlib", "mitsuba")
+    modules = ("colour", "torch", "matplotlib", "mitsuba", "av")
     assert loaded_by("from domesim.commands import build; build()", *modules) == set()
 
 

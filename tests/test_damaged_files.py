@@ -12,10 +12,11 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio  # noqa: N813
 import pytest
-from damaged_files import DAMAGES, NAMES, VIDEOS, damaged, followed, readings, sound_files
+from damaged_files import DAMAGES, NAMES, VIDEOS, followed, outcome, readings, sound_files
 
 from domesim.errors import InputError
 from domesim.frames import read_frame, read_master
+from domesim.frames.formats.png import chunk
 
 # Truncation that nobody can tell: what a TGA may have behind its pixels, it may lack; of a video
 # one frame is read, whatever lies behind it; of a JPEG with a gain map the first picture.
@@ -50,17 +51,28 @@ def test_each_damaged_file_is_a_frame_or_one_line(tmp_path: Path, count: int) ->
     assert misnamed == []
 
 
-def test_the_sound_files_are_frames(tmp_path: Path) -> None:
-    for name in sound_files(tmp_path):
+@pytest.fixture(scope="module")
+def sound(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
+    return sound_files(tmp_path_factory.mktemp("sound"))
+
+
+def test_the_sound_files_are_frames(tmp_path: Path, sound: dict[str, bytes]) -> None:
+    for name, content in sound.items():
         if name not in VIDEOS:
+            (tmp_path / name).write_bytes(content)
             shape = read_master([tmp_path / name]).pixels.shape[1:3]
             assert sorted(shape) == [40, 53], name
 
 
-def test_a_file_is_made_by_its_number_alone(tmp_path: Path) -> None:
-    sound = sound_files(tmp_path)
-    assert damaged(1234, sound) == damaged(1234, sound)
-    assert len({damaged(number, sound)[2] for number in range(300)}) > 280
+@pytest.mark.parametrize("name", [name for name in NAMES if name not in MAY_BE_CUT])
+def test_truncation_is_noticed_wherever_it_is(
+    tmp_path: Path, sound: dict[str, bytes], capfd: pytest.CaptureFixture[str], name: str
+) -> None:
+    content, size = sound[name], len(sound[name])
+    for length in {*range(0, size, size // 40), *range(1, 25), *range(size - 25, size)}:
+        (tmp_path / name).write_bytes(content[:length])
+        assert outcome(tmp_path / name).startswith("refused"), length
+    assert capfd.readouterr() == ("", "")
 
 
 @pytest.mark.parametrize(
@@ -82,11 +94,6 @@ def test_a_lost_reader_is_noticed_and_its_file_named(end: str, found: str) -> No
 
 
 # What was found, one by one: each printed to standard error, or ended in a traceback.
-
-
-def chunk(kind: bytes, content: bytes) -> bytes:
-    checksum = struct.pack(">I", zlib.crc32(kind + content))
-    return struct.pack(">I", len(content)) + kind + content + checksum
 
 
 def png(header: bytes, pixels: bytes, *others: bytes) -> bytes:
@@ -181,10 +188,9 @@ def test_an_interlaced_png_is_whole(tmp_path: Path, cols: int, rows: int) -> Non
 
 
 def test_a_jpeg_2000_whose_table_of_channels_is_cut(
-    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+    tmp_path: Path, sound: dict[str, bytes], capfd: pytest.CaptureFixture[str]
 ) -> None:
-    content = sound_files(tmp_path)["8.j2k"]
-    assert "ends early" in refused(tmp_path / "x.j2k", content[:44] + b"\xff\xd9", capfd)
+    assert "ends early" in refused(tmp_path / "x.j2k", sound["8.j2k"][:44] + b"\xff\xd9", capfd)
 
 
 def test_htj2k_is_refused(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:

@@ -17,6 +17,7 @@ from icc_profiles import gamma, icc_profile
 from image_files import store
 from PIL import ExifTags, Image
 from plain_files import write_dpx
+from test_frames import refusal
 
 from domesim.errors import InputError
 from domesim.frames import read_frame, read_master, write_frame
@@ -30,13 +31,6 @@ ORANGE = (152, 30, 15)
 
 def flat(rows: int = 16, cols: int = 16) -> np.ndarray:
     return np.full((rows, cols, 3), ORANGE, np.uint8)
-
-
-def refusal(path: Path) -> str:
-    with pytest.raises(InputError) as error:
-        read_frame(path)
-    assert "\n" not in str(error.value)
-    return str(error.value)
 
 
 def codes(path: Path) -> list[int]:
@@ -438,21 +432,6 @@ def test_any_primaries_that_a_file_states_are_used(tmp_path: Path, xy: tuple[flo
     write_frame(frame, tmp_path / "y.exr")
     again = read_frame(tmp_path / "y.exr")
     assert again.colour.means_the_same_as(frame.colour)
-
-
-def test_what_radiance_writes_today_is_read(tmp_path: Path) -> None:
-    path = tmp_path / "x.hdr"
-    words = " ".join(f"{value:.4f}" for value in RADIANCE)
-    head = f"#?RADIANCE\nrpict -vf x.vf\nPRIMARIES= {words}\nFORMAT=32-bit_rle_rgbe\n\n"
-    path.write_bytes(head.encode() + b"-Y 16 +X 16\n" + bytes((128, 64, 32, 129)) * 256)
-    frame = read_frame(path)
-    assert frame.colour.primaries == " ".join(f"{value:g}" for value in RADIANCE)
-    white = Projector("BT.709", 100.0).decode(
-        np.ones((1, 1, 1, 3), np.float32),
-        transfer.named("linear", white=100.0),
-        frame.colour.primaries,
-    )
-    np.testing.assert_allclose(white, 1, atol=1e-6)
 
 
 def test_a_profile_of_any_primaries_is_used(tmp_path: Path) -> None:

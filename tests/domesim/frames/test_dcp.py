@@ -16,7 +16,7 @@ import pytest
 from cinema_mxf import ENCRYPTED, TRIPLET, cinema_mxf, codestreams_of, write_cinema_mxf
 from command_line import Run
 from image_files import store
-from videos import KINDS, Kind, write_numbered
+from videos import Kind, write_numbered
 
 from domesim.errors import InputError
 from domesim.frames import Frame, Master, read_frame, read_master, write_frame
@@ -83,17 +83,6 @@ def test_a_dcps_folder_is_its_picture(tmp_path: Path) -> None:
         find_frames(folder)
 
 
-def test_the_command_makes_x_y_z_of_it(tmp_path: Path, out: Path, run: Run) -> None:
-    options = ("--scene", "dome_hemisphere", "--method", "none", "--workers", 0, "--pages", 0)
-    how = ("--format", "tif", "--dither", "none", "--out", out)
-    result = run("compensate", dcp(tmp_path / "dcp"), *options, *how)
-    assert result.code == 0, result
-    assert "For a DCP of these, use DCP-o-matic; --format mxf" in result.out
-    read = read_frame(out / "picture.0001.tif", colour=encoding_named("dcdm"))
-    assert read.bits == 12
-    assert np.abs(read.pixels * 4095 - codes(0)).max() < 1.51
-
-
 def test_other_mxfs_are_told_by_what_they_are(tmp_path: Path) -> None:
     path = write_numbered(
         tmp_path / "x.mxf", Kind(".mxf", "mpeg2video", "yuv420p"), 2, rate=Fraction(25)
@@ -102,13 +91,6 @@ def test_other_mxfs_are_told_by_what_they_are(tmp_path: Path) -> None:
         find_frames(path)
     assert "wanted a DCP's picture in MXF" in str(caught.value)
     assert ".mov, .mp4, .m4v, .mkv" in str(caught.value)
-
-
-def test_a_video_of_another_codec_is_no_mxf(tmp_path: Path) -> None:
-    path = write_numbered(tmp_path / "film.mkv", KINDS["FFV1"], 2)
-    path.rename(tmp_path / "film.mxf")
-    with pytest.raises(InputError):
-        find_frames(tmp_path / "film.mxf")
 
 
 # Two eyes.
@@ -197,27 +179,6 @@ def test_encrypted_pictures_are_refused(tmp_path: Path, eyes: bool) -> None:
     (tmp_path / "in.mxf").write_bytes(content)
     with pytest.raises(InputError, match="got an encrypted one"):
         find_moments(tmp_path / "in.mxf")
-
-
-def test_the_command_makes_left_and_right_of_it(tmp_path: Path, out: Path, run: Run) -> None:
-    folder = tmp_path / "dcp"
-    folder.mkdir()
-    # Light of the reference white's kind, which projectors can show
-    greys = [np.repeat(codes(k)[..., 2:], 3, axis=2) for k in range(2 * PAIRS)]
-    expected = decoded(write_cinema_mxf(folder / "picture.mxf", greys, stereo=True))
-    (folder / "ASSETMAP").write_text("<AssetMap/>")
-    options = ("--scene", "stereo_cinema_silver", "--method", "none", "--workers", 0, "--pages", 0)
-    how = ("--format", "tif", "--dither", "none", "--frames", "2,4", "--out", out)
-    result = run("compensate", folder, *options, *how)
-    assert result.code == 0, result
-    for number in (2, 4):
-        for eye, side in enumerate(("left", "right")):
-            path = out / f"picture.{side}.{number:04}.tif"
-            stored = oiio.ImageBuf(str(path)).get_pixels("uint16")
-            np.testing.assert_array_equal(stored >> 4, expected[2 * number - 2 + eye])
-            assert not (stored & 15).any()
-    dome = run("compensate", folder, *options[2:], "--scene", "dome_hemisphere", "--out", out / "x")
-    assert dome.code == 2
 
 
 # And written.

@@ -114,15 +114,6 @@ def test_no_file_can_say_another_peak_of_hlg(tmp_path: Path, suffix: str) -> Non
     assert told.startswith("HLG of a display of 400 cd/m², which the file cannot say: it reads as ")
 
 
-def test_what_cannot_be_said_is_told(tmp_path: Path) -> None:
-    write_frame(
-        read_frame(store(tmp_path / "in.png", texture("uint16")), colour=encoding_named("dcdm")),
-        tmp_path / "x.tif",
-    )
-    told = unsaid(read_frame(tmp_path / "x.tif", colour=encoding_named("dcdm")))
-    assert told == "DCDM XYZ, which the file cannot say: it reads as sRGB"
-
-
 def test_what_the_file_says_already_stays_as_it_is(tmp_path: Path) -> None:
     """No other bytes for a name that says the same."""
     path = png_with(tmp_path / "in.png", gamma(2.4))

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command_line import Run
-from image_files import store
 from PIL import Image
+from test_as_players_show import box, with_box
 from videos import KINDS, write_video
 
 from domesim.errors import InputError
@@ -291,25 +291,6 @@ def test_a_mono_video_is_mono(tmp_path: Path) -> None:
     assert len(read_master([frame_paths(path)[0]]).frames) == 1
 
 
-def box(kind: bytes, content: bytes) -> bytes:
-    return struct.pack(">I4s", 8 + len(content), kind) + content
-
-
-def with_st3d(path: Path, mode: int) -> Path:
-    """The MP4 with a box st3d (Google, *Spherical Video V2 RFC*) in its sample entry."""
-    content = path.read_bytes()
-    told = box(b"st3d", struct.pack(">IB", 0, mode))
-    place = content.index(b"avcC") - 4
-    (size,) = struct.unpack_from(">I", content, place)
-    content = bytearray(content[: place + size] + told + content[place + size :])
-    for kind in (b"avc1", b"stsd", b"stbl", b"minf", b"mdia", b"trak", b"moov"):
-        at = content.rindex(kind, 0, place + 8) - 4
-        (old,) = struct.unpack_from(">I", content, at)
-        struct.pack_into(">I", content, at, old + len(told))
-    path.write_bytes(content)
-    return path
-
-
 @pytest.mark.parametrize(
     ("mode", "packing", "swapped"), [(1, "top-bottom", False), (2, "side-by-side", False)]
 )
@@ -321,7 +302,8 @@ def test_mp4_says_it_by_st3d(tmp_path: Path, mode: int, packing: str, swapped: b
         np.full([n // 2 for n in grey.shape], 128),
         np.full([n // 2 for n in grey.shape], 128),
     ]
-    path = with_st3d(write_video(tmp_path / "in.mp4", KINDS["H.264"], [planes] * 2), mode)
+    told = box(b"st3d", struct.pack(">IB", 0, mode))  # Google, *Spherical Video V2 RFC*
+    path = with_box(write_video(tmp_path / "in.mp4", KINDS["H.264"], [planes] * 2), told)
     master = read_master([frame_paths(path)[0]], packing=packing)
     first, second = (frame.pixels.mean() for frame in master.frames)
     assert (first < second) != swapped
@@ -350,19 +332,6 @@ def test_one_picture_that_says_so_stays_as_it_is(tmp_path: Path) -> None:
     assert "it says that it is side-by-side, right first (sTER)" in master.described()
     write_master(master, [tmp_path / "out.png"])
     assert chunk(b"sTER", b"\0") in (tmp_path / "out.png").read_bytes()
-
-
-@pytest.mark.parametrize(("cols", "high", "gap"), [(1280, 720, 30), (1920, 1080, 45)])
-def test_frame_packed_3d_is_refused(tmp_path: Path, cols: int, high: int, gap: int) -> None:
-    picture = np.zeros((2 * high + gap, cols, 3), np.uint8)
-    picture[:high], picture[high + gap :] = 100, 90
-    path = store(tmp_path / "in.png", picture)
-    with pytest.raises(InputError, match=f"lines {high + 1} to {high + gap} are neither's"):
-        read_master([path], packing="top-bottom")
-    assert len(read_master([path]).frames) == 1
-    without = np.delete(picture, slice(high, high + gap), axis=0)
-    master = read_master([store(tmp_path / "cut.png", without)], packing="top-bottom")
-    assert [round(float(each.pixels.max()) * 255) for each in master.frames] == [100, 90]
 
 
 def test_halves_are_not_taken_for_pairs(tmp_path: Path) -> None:

@@ -107,18 +107,6 @@ def test_a_picture_that_is_turned_askew_is_refused(tmp_path: Path) -> None:
         read_frame(frame_paths(path)[0])
 
 
-@pytest.mark.parametrize("suffix", [".mp4", ".mkv", ".mov"])
-def test_pixels_that_are_not_square_are_refused(tmp_path: Path, suffix: str) -> None:
-    def stretch(stream: Any) -> None:
-        stream.sample_aspect_ratio = Fraction(2, 1)
-        stream.codec_context.sample_aspect_ratio = Fraction(2, 1)
-
-    kind = KINDS["HEVC" if suffix == ".mkv" else "H.264"]
-    path = write_numbered(tmp_path / f"in{suffix}", kind, 5, prepare=stretch)
-    with pytest.raises(InputError, match="2 : 1"):
-        frame_paths(path)
-
-
 def with_cover(path: Path, film: Path) -> Path:
     """An MP4 with cover art, as shops sell it."""
     cover = store(path.parent / "cover.png", np.zeros((40, 40, 3), np.uint8))

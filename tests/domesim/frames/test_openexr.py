@@ -11,7 +11,6 @@ import numpy as np
 import OpenEXR
 import OpenImageIO as oiio  # noqa: N813
 import pytest
-from open_files import nothing_left_open
 
 from domesim.errors import InputError
 from domesim.frames import (
@@ -169,12 +168,6 @@ def test_left_and_right_may_be_files_of_several_parts_each(tmp_path: Path) -> No
     assert read_master(files, layer="rgba").pixels.shape == (2, ROWS, COLS, 3)
 
 
-def test_parts_in_the_order_of_the_file_are_found_by_their_view(tmp_path: Path) -> None:
-    path, each = sides(tmp_path / "in.exr", "right", "left")
-    for frame, side in zip(read_master([path]).frames, ("left", "right"), strict=True):
-        np.testing.assert_array_equal(frame.pixels, each[side])
-
-
 # Attributes.
 
 
@@ -198,48 +191,6 @@ def test_a_file_of_levels_comes_back_as_one_of_lines(tmp_path: Path) -> None:
         assert file.parts[0].type() == OpenEXR.scanlineimage
         assert "tiles" not in file.header()
         np.testing.assert_array_equal(file.channels()["RGB"].pixels, pixels)
-
-
-def attribute(name: str, kind: str, form: str, *numbers: float) -> bytes:
-    value = struct.pack(f"<{form}", *numbers)
-    return b"\0".join([name.encode(), kind.encode(), struct.pack("<I", len(value)) + value])
-
-
-NUMBERS = [
-    attribute("whole", "floatvector", "3f", 1, 2, 3),
-    attribute("rate", "rational", "iI", 24, 1),
-    attribute("unset", "rational", "iI", 0, 0),
-    attribute("least", "int", "i", -(2**31)),
-    attribute("large", "double", "d", 1e300),
-    attribute("one", "float", "f", 1),
-    attribute("pixels", "v2i", "2i", 1, 2),
-    attribute("of film", "keycode", "7i", 0, 0, 0, 0, 0, 0, 0),
-]
-
-
-@pytest.mark.parametrize("several", [False, True])
-def test_numbers_keep_their_types(tmp_path: Path, several: bool) -> None:
-    """Rationale: 24 becomes an int, 1.0 one of 1, and a value out of range is not read at all."""
-    opaque = {
-        name.decode(): OpenEXR.OpaqueAttribute(value[4:], kind.decode())
-        for name, kind, value in (each.split(b"\0", 2) for each in NUMBERS)
-        if kind in (b"rational", b"floatvector", b"keycode")
-    }
-    header = opaque | {
-        "least": -(2**31),
-        "large": np.array([1e300]),
-        "one": 1.0,
-        "pixels": np.array([1, 2], np.int32),
-    }
-    planes = dict(zip("RGB", texture(3, ROWS, COLS), strict=True))
-    parts = [({**header, "name": "a"}, planes), ({**header, "name": "z"}, {"Z": planes["R"]})]
-    path = made(tmp_path / "in.exr", *parts[: 1 + several])
-    assert [each for each in NUMBERS if path.read_bytes().count(each) != 1 + several] == []
-    frame = read_frame(path)
-    assert not any("left out" in note for note in frame.header.notes)
-    write_frame(frame, tmp_path / "out.exr")
-    content = (tmp_path / "out.exr").read_bytes()
-    assert [each for each in NUMBERS if content.count(each) != 1 + several] == []
 
 
 def test_what_is_beyond_openexr_is_said(tmp_path: Path) -> None:
@@ -283,10 +234,3 @@ def test_parts_that_openexr_does_not_join_are_refused(tmp_path: Path) -> None:
     parts[1][0]["name"] = "b"
     with pytest.raises(InputError, match=r"x\.exr: wanted to encode an EXR, got '.*displayWindow"):
         written(tmp_path / "x.exr", parts)
-
-
-def test_no_file_stays_open(tmp_path: Path) -> None:
-    path, _ = sides(tmp_path / "in.exr", "left", "right")
-    with nothing_left_open():
-        write_master(read_master([path]), [tmp_path / "out.exr"])
-        read_frame(made(tmp_path / "one.exr", ({}, {name: texture(ROWS, COLS) for name in "RGB"})))

@@ -82,34 +82,6 @@ def test_p3_dpx_in_dcdm_out(tmp_path: Path, out: Path, run: Run) -> None:
     assert "DCDM XYZ, which the file cannot say" in result.out
 
 
-@pytest.mark.parametrize(
-    ("name", "suffix", "bits"),
-    [
-        ("display-p3", "png", 16),
-        ("acescg", "exr", 32),
-        ("bt2020", "dpx", 12),
-        ("p3-dci", "tif", 16),
-    ],
-)
-def test_another_encoding_is_the_same_light(
-    tmp_path: Path, out: Path, run: Run, name: str, suffix: str, bits: int
-) -> None:
-    path = dpx(tmp_path / "in.dpx", patches() // 2 + 200)
-    options = ("--encoding", "display-p3", "--format", suffix, "--output-bits", bits)
-    result = compensated(run, path, out, *options, "--output-encoding", name)
-    assert result.code == 0, result
-    colour = encoding_named(name)
-    shown = compensated(
-        run, out / f"in.{suffix}", out / "back", "--encoding", name, "--output-encoding",
-        "display-p3", "--format", "exr", "--output-bits", 32,
-    )  # fmt: skip
-    assert shown.code == 0, shown
-    back = read_frame(out / "back" / "in.exr")
-    assert back.colour.primaries == "P3-D65"
-    assert colour.source == f"--encoding {name}"
-    np.testing.assert_allclose(back.pixels, read_frame(path).pixels, atol=2e-3)
-
-
 def test_what_lies_outside_the_circle_is_encoded_alike(tmp_path: Path, out: Path, run: Run) -> None:
     grey = np.full((SIDE, SIDE, 3), 512)
     how = ("--encoding", "gamma2.4", "--output-encoding", "gamma2.6", "--format", "png")
@@ -138,21 +110,6 @@ def test_a_bright_exr_becomes_an_integer_file_clipped_and_told(
         assert result.code == 0, result
         assert "out of the projector's range: 100%" in result.out
         assert codes_of(out / f"in.{suffix}").max() in (255, 65535)
-
-
-def test_observe_has_it_too(tmp_path: Path, out: Path, run: Run) -> None:
-    path = dpx(tmp_path / "in.dpx", patches() // 2)
-    scene = ("--scene", "dome_hemisphere", "--out", out)
-    how = ("--output-encoding", "dcdm", "--format", "tif", "--dither", "none")
-    result = run("observe", path, *scene, "--encoding", "p3-d65", *how)
-    assert result.code == 0, result
-    assert not (codes_of(out / "in.tif") & 15).any()
-
-
-def test_a_name_that_there_is_not_is_refused(tmp_path: Path, out: Path, run: Run) -> None:
-    path = dpx(tmp_path / "in.dpx", patches())
-    result = compensated(run, path, out, "--output-encoding", "xyz")
-    result.is_refused("--output-encoding 'xyz' is not known", "dcdm")
 
 
 # A DCDM that does not say what it is.

@@ -15,7 +15,6 @@ from videos import KINDS, write_video
 
 from domesim.frames import read_frame, read_master
 from domesim.frames.video import frame_paths
-from domesim.light.transfer import SRGB
 
 ROWS = 48
 FROM = ("--from", "equirectangular")
@@ -53,15 +52,6 @@ def test_a_picture_is_one_in_its_own_encoding(
     assert result.bits == (32 if suffix == "exr" else 16)
     assert sides(out / f"x.{made}") == pytest.approx((0.8, 0.2), abs=0.01)
     assert not result.pixels[0, 0].any()
-
-
-def test_light_is_averaged_and_codes_are_not(tmp_path: Path, out: Path, run: Run) -> None:
-    codes = np.zeros((64, 128, 3), np.uint8)
-    codes[:, ::2] = 255
-    path = store(tmp_path / "x.png", codes)
-    assert run("domemaster", path, *FROM, "--size", 32, "--out", out).code == 0
-    middle = read_frame(out / "x.png").pixels[14:18, 14:18]
-    assert SRGB().decode(middle) == pytest.approx(0.5, abs=0.05)
 
 
 def test_the_dome_leans_and_has_a_field(tmp_path: Path, out: Path, run: Run) -> None:

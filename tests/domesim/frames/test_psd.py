@@ -113,11 +113,3 @@ def test_what_is_no_flattened_picture_is_told(
         read_frame(path)
     assert got in str(caught.value)
     assert "again" not in str(caught.value)
-
-
-def test_one_that_is_cut_short_is_told(tmp_path: Path) -> None:
-    content = psd(tmp_path / "x.psd", codes("uint8"), count=1).read_bytes()
-    for end in range(4, len(content), 40):
-        (tmp_path / "cut.psd").write_bytes(content[:end])
-        with pytest.raises(InputError):
-            read_frame(tmp_path / "cut.psd")

@@ -28,14 +28,13 @@ from videos import (
 )
 
 from domesim.errors import InputError
-from domesim.frames import Frame, read_frame, read_master
+from domesim.frames import Frame, read_frame
 from domesim.frames.dithering import seed_of
 from domesim.frames.encodings import encoding_named
 from domesim.frames.film import write_film
 from domesim.frames.timing import Timing
 from domesim.frames.video import frame_paths
 from domesim.host.files import KEPT_OPEN
-from domesim.shows import job
 from domesim.shows.run import Done
 from domesim.shows.show import find_show
 from domesim.shows.work import Writing
@@ -433,17 +432,6 @@ def test_the_extra_is_asked_for_in_one_line(film: Path, monkeypatch: pytest.Monk
     )
 
 
-def test_pyav_is_loaded_for_videos_only(tmp_path: Path) -> None:
-    (tmp_path / "a.png").touch()
-    code = (
-        "import sys; from domesim.commands import build; build(); "
-        "from domesim.shows.show import find_show; "
-        f"find_show({str(tmp_path / 'a.png')!r}); print('av' in sys.modules); import av"
-    )
-    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert run.stdout.split() == ["False"]
-
-
 # As a show.
 
 
@@ -484,11 +472,6 @@ def test_two_videos_are_left_and_right(film: Path, tmp_path: Path) -> None:
         show.read(show.moments[0], repair=False)
     with pytest.raises(InputError, match="same file twice"):
         find_show(None, str(film), str(film))
-
-
-def test_two_views_may_lie_side_by_side(film: Path) -> None:
-    master = read_master(frame_paths(film)[:1], packing="side-by-side")
-    assert master.pixels.shape == (2, 48, 32, 3)
 
 
 def copied(film: Path, folder: Path, workers: int, **options: Any) -> Done:
@@ -550,17 +533,6 @@ def test_a_long_video_needs_no_memory(tmp_path: Path) -> None:
     grown = int(subprocess.check_output([sys.executable, "-c", look, path]))
     assert path.stat().st_size > 30e6
     assert 0 < grown < 0.4 * path.stat().st_size
-
-
-def test_a_video_is_hashed_once(
-    film: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    hashed: list[Path] = []
-    plain = job.sha256
-    monkeypatch.setattr(job, "sha256", lambda path: hashed.append(path) or plain(path))
-    film.touch()
-    copied(film, tmp_path, 0)
-    assert hashed.count(film) == 1
 
 
 def test_a_film_of_sound_only_is_told(tmp_path: Path) -> None:

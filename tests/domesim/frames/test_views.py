@@ -7,7 +7,6 @@ its bytes.
 from __future__ import annotations
 
 import os
-import pickle
 import struct
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -298,27 +297,6 @@ def test_a_multi_view_file_comes_back(tmp_path: Path, name: str) -> None:
     assert "view" not in header
 
 
-def test_a_multi_view_file_of_several_types_and_a_smaller_data_window_comes_back(
-    tmp_path: Path,
-) -> None:
-    kinds = ("half", "half", "half", "float", "float", "float", "float")
-    channels = "R,G,B,Z,right.R,right.G,right.B"
-    spec = spec_of(channels, kinds, multiView=("string[2]", ("left", "right")))
-    spec.x, spec.y, spec.full_width, spec.full_height = 3, 4, COLS + 6, ROWS + 7
-    source = save(tmp_path / "in.exr", (spec, texture(7, "float32").astype(np.float16)))
-    master = read_master([source])
-    assert [frame.bits for frame in master.frames] == [16, 32]
-    assert master.code_range == (-65504, 65504)
-    assert master.pixels.shape == (2, ROWS + 7, COLS + 6, 3)
-    assert not master.pixels[:, :4].any()
-    write_master(master, [tmp_path / "out.exr"])
-    (before,), (after,) = stored(source), stored(tmp_path / "out.exr")
-    assert after.windows == (0, 0, 0, 0, COLS + 6, ROWS + 7)
-    for name, plane in before.planes.items():
-        assert after.planes[name].dtype == plane.dtype
-        np.testing.assert_array_equal(after.planes[name][4 : 4 + ROWS, 3 : 3 + COLS], plane)
-
-
 @pytest.mark.parametrize("compression", ["zip", "zips", "piz"])
 def test_a_multi_part_file_comes_back_with_all_parts(tmp_path: Path, compression: str) -> None:
     source = multi_part(
@@ -345,29 +323,6 @@ def test_a_multi_part_file_comes_back_with_all_parts(tmp_path: Path, compression
     assert views == ["right", "left", "left", "right", ""]
     wanted = 2 if compression == "zips" else 3  # ZIPS, ZIP
     assert {header["compression"][0] for header in headers} == {wanted}
-
-
-@pytest.mark.parametrize("tile", [0, 16])
-def test_other_parts_may_have_windows_of_their_own_and_tiles(tmp_path: Path, tile: int) -> None:
-    parts = [part("depth", "left", "Z", "float"), part("a", "left", "Y"), part("bb", "right", "Y")]
-    spec = parts[0][0]
-    spec.x, spec.y, spec.full_width, spec.full_height = -3, 5, COLS, ROWS
-    for spec, _ in parts:
-        spec.tile_width = spec.tile_height = tile
-    source = save(tmp_path / "in.exr", *parts)
-    master = read_master([source])
-    write_master(master, [tmp_path / "out.exr"])
-    before, after = stored(source), stored(tmp_path / "out.exr")
-    assert [each.windows for each in after] == [each.windows for each in before]
-    for old, new in zip(before, after, strict=True):
-        for name, plane in old.planes.items():
-            np.testing.assert_array_equal(new.planes[name], plane)
-    assert [list(exr_channels(each)) for each in exr_headers(tmp_path / "out.exr")] == [
-        ["Z"],
-        ["Y"],
-        ["Y"],
-    ]
-    assert not any("tiles" in header for header in exr_headers(tmp_path / "out.exr"))
 
 
 def test_new_pixels_go_to_their_view_and_nowhere_else(tmp_path: Path) -> None:
@@ -479,13 +434,6 @@ def test_another_encoding_is_stated_for_all_parts(tmp_path: Path) -> None:
         assert read_master([tmp_path / "out.exr"]).colour.primaries == "BT.2020"
 
 
-def test_a_master_can_be_sent_to_another_process(tmp_path: Path) -> None:
-    source = multi_part(tmp_path / "in.exr")
-    write_master(pickle.loads(pickle.dumps(read_master([source]))), [tmp_path / "out.exr"])
-    write_master(read_master([source]), [tmp_path / "same.exr"])
-    assert (tmp_path / "out.exr").read_bytes() == (tmp_path / "same.exr").read_bytes()
-
-
 def test_impossible_samples_are_told_by_view_and_repaired(tmp_path: Path) -> None:
     samples = texture(6)
     samples[3, 4, 4] = -0.5
@@ -540,19 +488,6 @@ def test_a_pair_is_never_half_new(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     assert [result.read_bytes() for result in results] == old
     write_master(darker, results)
     assert not any(result.read_bytes() in old for result in results)
-
-
-@pytest.mark.parametrize("make", [multi_view, multi_part])
-def test_truncation_is_noticed_wherever_it_is(
-    tmp_path: Path, capfd: pytest.CaptureFixture[str], make: type
-) -> None:
-    path = make(tmp_path / "x.exr")
-    content = path.read_bytes()
-    size = len(content)
-    for length in sorted({*range(1, size, max(1, size // 80)), *range(size - 25, size)}):
-        path.write_bytes(content[:length])
-        refusal(path)
-    assert capfd.readouterr() == ("", "")
 
 
 @pytest.mark.parametrize(("name", "what"), [(b"studio", "attributes"), (b"extra", "channels")])
@@ -733,14 +668,6 @@ def test_packings_that_are_not_so_are_refused(tmp_path: Path) -> None:
         read_master([mono], packing="anaglyph")
     with pytest.raises(ValueError, match="one or two paths, got 3"):
         read_master([mono, mono, mono])
-
-
-def test_a_missing_file_is_named(tmp_path: Path) -> None:
-    left = plain(tmp_path / "L.exr")
-    with pytest.raises(InputError, match=r"R\.exr: wanted an image file, there is none"):
-        read_master([left, tmp_path / "R.exr"])
-    with pytest.raises(InputError, match=r"R\.exr: wanted an image file, there is none"):
-        read_master([tmp_path / "R.exr"])
 
 
 def test_what_cannot_be_written_is_refused(tmp_path: Path) -> None:
