@@ -10,15 +10,12 @@ import pytest
 from command_line import Run
 
 from compensate.overlay import Overlay
-from compensate.page.comparison import compare_methods
 from compensate.pose import Stage
 from compensate.shows.cues import signature
-from compensate.shows.titles import titles_of
 from compensate.solve import solved
-from domesim.frames import ColourTag, Frame, read_master, write_frame
+from domesim.frames import ColourTag, Frame, write_frame
 from domesim.frames.views import Master
 from domesim.scene import load_scene
-from domesim.shows.show import find_show
 
 ROWS, COLS = 40, 64
 LINEAR = ColourTag("linear", "BT.709", "test")
@@ -209,29 +206,6 @@ def test_an_overlay_in_small_shows_the_mean_of_what_it_shows() -> None:
     even = np.full((2, 6, 9, 3), 0.25)
     blocks = overlay.over(even).reshape(2, 2, 3, 3, 3, 3).mean(axis=(2, 4))
     assert small.over(even[:, ::3, ::3]) == pytest.approx(blocks)
-
-
-def test_pages_of_the_worst_frames_show_titles(run: Run, show, tmp_path: Path) -> None:
-    for eye in "LR":
-        (tmp_path / f"{eye}.0001.exr").write_bytes((tmp_path / f"{eye}.exr").read_bytes())
-    numbered = ("--left", f"{tmp_path}/L.####.exr", "--right", f"{tmp_path}/R.####.exr")
-    how = ("--scene", tmp_path / "rig.toml", "--pages", 1, "--out", tmp_path / "out")
-    assert run("compensate", *numbered, *how, *overlays(tmp_path)).code == 0
-    command = f"--overlay {tmp_path / 'L.png'} --overlay {tmp_path / 'R.png'}"
-    (page,) = (tmp_path / "out" / "job").glob("compare-*.html")
-    assert command in page.read_text()
-    assert "L.png and " in (tmp_path / "out" / "job" / "report.html").read_text()
-    found = find_show(None, str(tmp_path / "L.exr"), str(tmp_path / "R.exr"))
-    scene, pair = load_scene(tmp_path / "rig.toml"), [tmp_path / f"{eye}.exr" for eye in "LR"]
-    overlay = titles_of([str(tmp_path / f"{eye}.png") for eye in "LR"], scene, found).of(
-        read_master(pair), scene
-    )
-    compared = compare_methods(
-        read_master(pair), scene, solver=None, weighting=None, overlay=overlay
-    )
-    pictures = compared.outcomes["none"].light
-    assert pictures[0][opacity(0) == 1] == pytest.approx(1)
-    assert compared.outcomes["perceptual"].light[1][opacity(1) == 1] == pytest.approx(1)
 
 
 def test_what_is_no_overlay_is_refused(run: Run, show, tmp_path: Path) -> None:

@@ -144,21 +144,6 @@ def test_the_command_writes_one_picture(run: Run, tmp_path: Path) -> None:
     )
 
 
-def test_a_film_of_a_packing(run: Run, tmp_path: Path) -> None:
-    for number in (1, 2):
-        for eye, view in zip(("left", "right"), 0.1 + 0.5 * views(), strict=True):
-            path = tmp_path / f"show.{eye}.{number:04}.exr"
-            write_frame(Frame(view * number / 2, path, LINEAR, 32, floating=True), path)
-    done = run(
-        "compensate", f"{tmp_path}/show.%V.####.exr", "--scene", "stereo_polarised_paper", "--out",
-        tmp_path / "out", "--output-packing", "top-bottom", "--format", "mkv", "--fps", 48,
-        "--output-encoding", "srgb", "--workers", 0,
-    )  # fmt: skip
-    assert done.code == 0, done
-    assert (tmp_path / "out" / "show.left.mkv").is_file()
-    assert "48 frames a second" in done.out
-
-
 def test_nuke_s_places_name_both_views(tmp_path: Path) -> None:
     for name in ("left", "right", "l", "r"):
         (tmp_path / name).mkdir()

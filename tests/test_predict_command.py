@@ -60,17 +60,6 @@ def names(stem: str) -> list[str]:
     return sorted([f"{stem}.maps.exr", *(f"{stem}.{kind}.png" for kind in KINDS)])
 
 
-def test_a_dry_run_counts_maps_and_pictures(run: Run, tmp_path: Path, out: Path) -> None:
-    for number in (1, 2):
-        fulldome(tmp_path / f"m.{number:04d}.exr")
-    arguments = (tmp_path / "m.####.exr", "--scene", DOME, "--out", out, "--workers", 0)
-    dry = run("predict", *arguments, "--dry-run", "--json")
-    assert not out.exists()
-    figures(run, *arguments)
-    took = sum((out / name).stat().st_size for name in (*names("m.0001"), *names("m.0002")))
-    assert json.loads(dry.out)["estimate"]["disk_total"] == pytest.approx(took, rel=0.02)
-
-
 def test_a_dome(run: Run, tmp_path: Path, out: Path) -> None:
     master = fulldome(tmp_path / "m.exr")
     outcome = run("predict", master, "--scene", DOME, "--out", out)
@@ -137,25 +126,6 @@ def test_a_pair(run: Run, tmp_path: Path, out: Path) -> None:
     )
 
 
-def test_views_in_one_file(run: Run, tmp_path: Path, out: Path) -> None:
-    master = store(tmp_path / "m.exr", np.concatenate([view(12), view(60)]), "float")
-    arguments = ("--packing", "top-bottom", "--scene", STEREO, "--out", out)
-    (frame,) = figures(run, master, *arguments)["frames"]
-    pictures = [f"m.{eye}.{kind}.png" for eye in ("left", "right") for kind in KINDS]
-    assert written(out) == sorted(["m.maps.exr", *pictures])
-    assert frame["output"] == str(out / "m.maps.exr")
-    assert len(frame["pictures"]) == 8
-    assert run("predict", *pair(tmp_path / "in"), "--scene", STEREO, "--out", out / "two").code == 0
-    both = channels(out / "m.maps.exr")
-    assert set(both) == {f"{eye}.{name}" for eye in ("left", "right") for name in CHANNELS}
-    for eye in ("left", "right"):
-        for name, plane in channels(out / "two" / f"{eye[0]}.maps.exr").items():
-            np.testing.assert_array_equal(both[f"{eye}.{name}"], plane)
-        for kind in KINDS:
-            one, other = (out / f"m.{eye}.{kind}.png", out / "two" / f"{eye[0]}.{kind}.png")
-            assert one.read_bytes() == other.read_bytes()
-
-
 def test_pictures_show_the_map_and_the_map_times_the_ghost(
     run: Run, tmp_path: Path, out: Path
 ) -> None:
@@ -184,17 +154,6 @@ def test_pictures_show_the_map_and_the_map_times_the_ghost(
     posed, _ = Stage(load_scene(STEREO)).pose_frame(read_master([arguments[1], arguments[3]]))
     ghost = np.abs(triage(posed).untouched.residual) / white
     assert 0.5 < np.quantile(ghost, 0.999) * frame["brightened"] <= 1
-
-
-def test_large_pictures_are_reduced(run: Run, tmp_path: Path, out: Path) -> None:
-    left, right = (np.repeat(view(place), 22, axis=1)[:40] for place in (12, 60))
-    files = [store(tmp_path / f"{k}.exr", eye) for k, eye in enumerate((left, right))]
-    arguments = ("--left", files[0], "--right", files[1], "--scene", STEREO, "--out", out)
-    assert run("predict", *arguments).code == 0
-    # By 4 to what a prediction tells apart
-    assert channels(out / "0.maps.exr")["TVI"].shape == (10, 528)
-    spec = oiio.ImageBuf(str(out / "0.tvi.png")).spec()
-    assert (spec.width, spec.height) == (2 * 528 + 4, 10)
 
 
 def test_verdicts_and_the_summary_of_a_sequence(run: Run, tmp_path: Path, out: Path) -> None:
@@ -301,27 +260,6 @@ def test_a_default_threshold_is_the_same_job_as_its_figure() -> None:
     assert default == given != other
 
 
-def test_the_seat_matters(run: Run, tmp_path: Path, out: Path) -> None:
-    base = (*pair(tmp_path / "in", light=0.2), "--scene", STEREO, "--out", out)
-    assert figures(run, *base, "--seat", "left")["seats"] == ["left"]
-    side = channels(out / "l.maps.exr")["TVI"].max()
-    assert figures(run, *base)["frames"]
-    assert side > 1.2 * channels(out / "l.maps.exr")["TVI"].max()
-
-
-def test_the_same_again(run: Run, tmp_path: Path, out: Path) -> None:
-    arguments = (*pair(tmp_path / "in"), "--scene", STEREO)
-    for name in "ab":
-        assert run("predict", *arguments, "--out", out / name).code == 0
-    for name in written(out / "a"):
-        assert (out / "a" / name).read_bytes() == (out / "b" / name).read_bytes()
-
-
-def test_quiet_is_quiet(run: Run, tmp_path: Path, out: Path) -> None:
-    outcome = run("predict", fulldome(tmp_path / "m.exr"), "--scene", DOME, "--out", out, "--quiet")
-    assert (outcome.code, outcome.out, outcome.err) == (0, "", "")
-
-
 def test_neither_inputs_nor_frames_are_replaced(run: Run, tmp_path: Path) -> None:
     folder = tmp_path / "in"
     folder.mkdir()
@@ -343,24 +281,6 @@ def test_neither_inputs_nor_frames_are_replaced(run: Run, tmp_path: Path) -> Non
         arguments = ("--left", left, "--right", right, "--scene", STEREO, "--out", folder)
         run("predict", *arguments).is_refused(right.name, *words)
         assert right.read_bytes() == before
-
-
-def test_two_frames_of_one_name_are_refused(run: Run, tmp_path: Path, out: Path) -> None:
-    left = store(tmp_path / "a.png", view(12), "uint8")
-    right = store(tmp_path / "a.tif", view(60), "uint8")
-    arguments = ("--left", left, "--right", right, "--scene", STEREO, "--out", out)
-    run("predict", *arguments).is_refused("a.png", "a.tif", "two names", "Rename")
-    assert not out.exists()
-
-
-def test_left_and_right_of_one_name_in_two_folders(run: Run, tmp_path: Path, out: Path) -> None:
-    for eye, place in (("L", 12), ("R", 60)):
-        (tmp_path / eye).mkdir()
-        store(tmp_path / eye / "a.exr", view(place))
-    arguments = ("--left", tmp_path / "L/a.exr", "--right", tmp_path / "R/a.exr")
-    assert run("predict", *arguments, "--scene", STEREO, "--out", out).code == 0
-    for eye in ("left", "right"):
-        assert written(out / eye) == names("a")
 
 
 def test_nothing_is_half_written(

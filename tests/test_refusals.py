@@ -5,13 +5,7 @@ What is refused, and in which words, the tests of the library say.
 
 from __future__ import annotations
 
-import json
 import os
-import re
-import signal
-import subprocess
-import sys
-import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -20,7 +14,6 @@ import numpy as np
 import pytest
 from command_line import Outcome, Run, run_for_real
 from stored_masters import (
-    SIDE,
     picture,
     sequence,
     store,
@@ -134,26 +127,12 @@ def test_a_bad_option(run: Run, out: Path, path: tuple[str, ...]) -> None:
     assert not any(path.is_file() for path in out.rglob("*"))
 
 
-def test_wrong_usage(run: Run) -> None:
-    for words, told in (
-        (["compensate", "m.exr", "--out", "x"], "Missing option '--scene'"),
-        (["compensat"], "No such command 'compensat'"),
-        (["compensate", "m.exr", "--scene", DOME, "--out", "x", "--tolerance", "y"], "tolerance"),
-    ):
-        outcome = run(*words)
-        assert outcome.code == 2
-        assert told in outcome.err
-
-
 PAPER = ("--weighting", "paper")
 OPTIONS: list[tuple[str, tuple[object, ...], tuple[str, ...]]] = [
     ("compensate", ("--method", "best"), ("'best'", "perceptual", "subtractive", "none")),
     ("compensate", ("--weighting", "contours"), ("use one of contrast, paper",)),
     ("compensate", ("--tolerance", 0), ("tolerance", "between 0 and 1", "got 0")),
-    ("compensate", ("--tolerance", "nan"), ("tolerance", "between 0 and 1", "got nan")),
     ("compensate", ("--lift", -1), ("lift", "at least 0", "got -1")),
-    ("compensate", ("--lift", 2, *PAPER), ("--lift belongs to --weighting contrast",)),
-    ("compensate", ("--low-frequency-gain", 0.2), ("for contrast, use --lift",)),
     ("compensate", (*PAPER, "--low-frequency-gain", 2), ("gain", "0..1", "got 2")),
     ("compensate", ("--frames", "1-9"), ("--frames", "one file")),
     ("compensate", ("--frames", "1-9", "--like"), ("--like", "--dry-run --frames 1-36000")),
@@ -167,24 +146,18 @@ OPTIONS: list[tuple[str, tuple[object, ...], tuple[str, ...]]] = [
     ("predict", ("--threshold", "nan"), ("threshold", "got nan")),
     ("predict", ("--seat", "left"), ("dome", "no seat 'left'", "names none")),
     ("render", ("--size", 1), ("--size", "2..16384", "got 1")),
-    ("render", ("--error", "nan"), ("error", "above 0", "got nan")),
-    ("render", ("--samples", 0), ("--samples", "at least 2", "got 0")),
     ("render", ("--seed", -1), ("--seed", "at least 0", "got -1")),
     ("render", ("--view", "seat:1"), ("'seat:1'", "domemaster", "cutaway", "no seats")),
     ("render", ("--view", "cutaway"), ("seen.exr", "'cutaway'", ".png")),
     ("tabulate", ("--error", -1), ("error", "above 0", "got -1")),
     ("tabulate", ("--walks", "nan"), ("--walks", "at least 1", "got nan")),
     ("tabulate", ("--degree", 13), ("degree", "0..12", "got 13")),
-    ("tabulate", ("--seed", -1), ("--seed", "at least 0", "got -1")),
     ("master", ("--size", 10**9), ("--size", "1 to 16384", "got 1000000000")),
-    ("master", ("--samples", -3), ("--samples", "1 to 65536", "got -3")),
     ("master", ("--seed", -1), ("seed", "got -1")),
     ("master", ("--kind", "cube"), ("'cube'", "dome", "stereo")),
     ("master", ("--frames", "0x"), ("--frames", "got '0x'")),
     ("master", ("--fps", "nan"), ("--fps", "above 0", "got nan")),
-    ("master", ("--loop", -1), ("loop", "got -1")),
     ("master", ("--kind", "stereo", "--interaxial", "nan"), ("--interaxial", "got nan")),
-    ("master", ("--kind", "stereo", "--convergence", "nan"), ("--convergence", "got nan")),
 ]
 
 
@@ -253,23 +226,6 @@ def test_seats_that_are_not_there(run: Run, tmp_path: Path, out: Path) -> None:
     assert written(out) == []
 
 
-@pytest.mark.parametrize(
-    ("scene", "method", "words"),
-    [
-        (DOME, "paper", ("'paper'", DOME, "perceptual")),
-        (PAIR, "best", ("'best'", PAIR, "perceptual, paper, subtractive")),
-        ("stereo_shutter", "paper", ("'paper'", "stereo_shutter", "subtractive")),
-    ],
-)
-def test_a_method_of_another_kind(
-    run: Run, tmp_path: Path, out: Path, scene: str, method: str, words: tuple[str, ...]
-) -> None:
-    shown = pair(tmp_path) if scene != DOME else (store(tmp_path / "m.exr"),)
-    told = run("compensate", *shown, "--scene", scene, "--out", out, "--method", method)
-    told.is_refused(*words)
-    assert written(out) == []
-
-
 def test_commands_of_a_dome(run: Run, out: Path) -> None:
     run("demo", "--scene", PAIR, "--out", out).is_refused(PAIR, "dome theatre")
     run("render", PAIR, "--out", out / "x.exr").is_refused(PAIR, "dome theatre")
@@ -305,39 +261,6 @@ def test_tables_of_another_kind(run: Run, tmp_path: Path, out: Path) -> None:
 # Sequences: one bad frame is no reason to lose the others.
 
 
-@pytest.mark.parametrize("command", ["compensate", "observe"])
-def test_the_other_frames_of_a_sequence_are_written(
-    run: Run, tmp_path: Path, out: Path, command: str
-) -> None:
-    pattern = sequence(tmp_path / "s", 3)
-    truncated(pattern.with_name("show.0001.exr"))
-    store(tmp_path / "wide.exr", picture(4, 5)).replace(pattern.with_name("show.0003.exr"))
-    outcome = run(command, pattern, "--scene", DOME, "--out", out, "--json", "--workers", 0)
-    assert outcome.code == 2
-    figures = json.loads(outcome.out)
-    assert [Path(frame["output"]).name for frame in figures["frames"]] == ["show.0002.exr"]
-    assert [f"domesim: {message}" for message in figures["failed"]] == outcome.err.splitlines()
-    first, third = figures["failed"]
-    assert "show.0001.exr" in first
-    assert "complete EXR" in first
-    assert "show.0003.exr" in third
-    assert "square" in third
-    assert written(out) == ["show.0002.exr"]
-    assert read_frame(out / "show.0002.exr").pixels.shape == (SIDE, SIDE, 3)
-
-
-def test_the_other_pairs_of_a_sequence_are_written(run: Run, tmp_path: Path, out: Path) -> None:
-    for number in range(1, 4):
-        pair(tmp_path)
-        for eye in "lr":
-            (tmp_path / f"{eye}.exr").rename(tmp_path / f"{eye}.{number}.exr")
-    truncated(tmp_path / "r.2.exr")
-    eyes = ("--left", tmp_path / "l.#.exr", "--right", tmp_path / "r.#.exr")
-    outcome = observed(run, out, PAIR, *eyes, "--workers", 0)
-    outcome.is_refused("r.2.exr", "complete EXR")
-    assert written(out) == ["l.1.exr", "l.3.exr", "r.1.exr", "r.3.exr"]
-
-
 def test_compare_takes_one_frame(run: Run, tmp_path: Path, out: Path) -> None:
     pattern = sequence(tmp_path / "s", 3)
     outcome = run("compare", pattern, "--scene", DOME, "--out", out / "page.html")
@@ -360,14 +283,6 @@ def test_repair_says_how_many_samples(run: Run, tmp_path: Path, out: Path, comma
     assert read_frame(out / "r.exr").pixels.min() >= 0  # it refuses NaN and Inf itself
 
 
-def test_a_repaired_master_is_rendered(run: Run, tmp_path: Path, out: Path) -> None:
-    master = with_sample(tmp_path / "r.exr", -0.5)
-    outcome = run(*called(("render",), out, master=master), "--samples", 2, "--repair")
-    assert (outcome.code, outcome.err) == (0, "")
-    assert "r.exr: 4 impossible samples repaired" in outcome.out
-    assert written(out) == ["seen.exr", "seen.png"]
-
-
 @pytest.mark.parametrize("command", ["compensate", "observe"])
 @pytest.mark.parametrize("size", [2, 3])
 def test_the_smallest_masters_work(
@@ -377,23 +292,6 @@ def test_the_smallest_masters_work(
     outcome = run(command, master, "--scene", DOME, "--out", out)
     assert (outcome.code, outcome.err) == (0, "")
     assert read_frame(out / "s.exr").pixels.shape == (size, size, 3)
-
-
-@pytest.mark.parametrize("command", ["compensate", "observe"])
-def test_what_half_cannot_hold_is_clipped_and_said(
-    run: Run, tmp_path: Path, out: Path, command: str
-) -> None:
-    master = store(tmp_path / "h.exr", picture() + 65000)
-    outcome = run(command, master, "--scene", DOME, "--out", out)
-    assert (outcome.code, outcome.err) == (0, "")
-    assert read_frame(out / "h.exr").pixels.max() <= 65504
-    if command == "observe":
-        assert "clipped: 100.0% of the screen" in outcome.out
-
-
-def test_another_format(run: Run, tmp_path: Path, out: Path) -> None:
-    assert observed(run, out, DOME, store(tmp_path / "m.exr"), "--format", "png").code == 0
-    assert read_frame(out / "m.png").bits == 16
 
 
 # Places to write to.
@@ -419,10 +317,6 @@ def test_a_folder_that_cannot_be_written(
     outcome.is_refused(*words)
     assert outcome.out == ""
     assert written(tmp_path) == ["m.exr", "s", "s/show.0001.exr", "s/show.0002.exr"]
-
-
-def test_films_need_a_folder(run: Run, tmp_path: Path) -> None:
-    run("master", "--out", store(tmp_path / "m.exr")).is_refused("m.exr", "file exists", "Choose")
 
 
 @pytest.mark.parametrize("command", ["compensate", "observe"])
@@ -459,27 +353,6 @@ def test_a_picture_does_not_replace_its_master(
 @pytest.mark.parametrize(
     ("name", "words"),
     [
-        ("page.txt", ("page.txt", ".html")),
-        ("m.exr/page.html", ("m.exr: wanted a folder", "file exists")),
-    ],
-)
-def test_a_page_that_cannot_be_written(
-    run: Run, tmp_path: Path, name: str, words: tuple[str, ...]
-) -> None:
-    master = store(tmp_path / "m.exr")
-    run("compare", master, "--scene", DOME, "--out", tmp_path / name).is_refused(*words)
-    assert written(tmp_path) == ["m.exr"]
-
-
-def test_a_page_makes_its_folder(run: Run, tmp_path: Path) -> None:
-    master, page = store(tmp_path / "m.exr"), tmp_path / "new" / "page.html"
-    assert run("compare", master, "--scene", DOME, "--out", page).code == 0
-    assert page.is_file()
-
-
-@pytest.mark.parametrize(
-    ("name", "words"),
-    [
         ("seen.jpg", ("seen.jpg", "name it so")),
         ("seen", ("seen", "name it so")),
         (".npz", (".npz", "name it so")),
@@ -500,54 +373,6 @@ def test_a_file_that_cannot_be_written(
     outcome.is_refused(*words)
     assert outcome.out == ""
     assert written(tmp_path) == ["folder.npz", "m.exr"]
-
-
-def test_a_full_disk(run: Run, tmp_path: Path, small_disk: Path) -> None:
-    """What fitted is whole; what did not leaves nothing."""
-    (tmp_path / "s").mkdir()
-    for number in range(1, 7):
-        store(tmp_path / "s" / f"show.{number}.png", picture(64, 64), "uint16")
-    small_disk.joinpath("filler").write_bytes(bytes(8 * 1024))
-    outcome = observed(run, small_disk, DOME, tmp_path / "s" / "show.#.png", "--workers", 0)
-    assert outcome.code == 2
-    names = [f"show.{number}.png" for number in range(1, 7)]
-    complete = [name for name in names if (small_disk / name).exists()]
-    assert 0 < len(complete) < 6
-    assert written(small_disk) == ["filler", *complete]
-    for name in complete:
-        assert read_frame(small_disk / name).pixels.shape == (64, 64, 3)
-    *lines, last = outcome.err.splitlines()
-    if "job/" in lines[-1] + last:  # the report did not fit either
-        assert "wanted to write it, got 'no space left on device'" in last
-    told = 0
-    for name in names:
-        if name in complete and (small_disk / "job" / f"{name}.json").exists():
-            continue
-        for line in (line for line in (*lines, last) if name in line):
-            assert "wanted to write it, got 'no space left on device'" in line
-            assert "Free some space" in line
-            told += 1
-    alike = re.search("([0-9]) under way failed likewise", outcome.err)
-    told += int(alike[1]) if alike else 0
-    not_begun = re.search("([0-9]) of 6 frames were not begun after that", outcome.err)
-    missing = 6 - len(list((small_disk / "job").glob("show.*.json")))
-    assert told + (int(not_begun[1]) if not_begun else 0) == missing
-
-
-@pytest.mark.parametrize("command", ["render", "tabulate"])
-def test_a_full_disk_after_tracing(
-    run: Run, tmp_path: Path, small_disk: Path, command: str
-) -> None:
-    small_disk.joinpath("filler").write_bytes(bytes(52 * 1024))
-    if command == "render":
-        master = store(tmp_path / "m.exr", picture(64, 64))
-        outcome = run(*called((command,), small_disk, master=master), "--samples", 2)
-        outcome.is_refused("seen.exr", "cannot be written")
-    else:
-        options = ("--walks", 1, "--degree", 2, "--no-check")
-        outcome = run(*called((command,), small_disk), *options)
-        outcome.is_refused("table.npz", "o space left")
-    assert written(small_disk) == ["filler"]
 
 
 # Real processes.
@@ -585,33 +410,3 @@ def test_a_file_whose_name_is_no_text(run: Run, tmp_path: Path, out: Path) -> No
     path = store(tmp_path / "a.exr").rename(tmp_path / os.fsdecode(b"\xff.exr"))
     observed(run, out, DOME, path).is_refused(r"\udcff.exr", "UTF-8", "Rename")
     assert written(out) == []
-
-
-def test_ctrl_c_leaves_whole_frames(tmp_path: Path, out: Path) -> None:
-    count = 599
-    pattern = sequence(tmp_path / "s", count)
-    arguments = ["observe", pattern, "--scene", DOME, "--out", out, "--workers", 0]
-    process = subprocess.Popen(
-        [sys.executable, "-m", "domesim", *map(str, arguments)],
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.PIPE,
-        text=True,
-        # Whoever runs the tests in the background makes their children ignore Ctrl-C.
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # noqa: PLW1509
-    )
-    deadline = time.monotonic() + 30
-    while sum(not name.startswith(".") for name in written(out)) < 5:
-        assert time.monotonic() < deadline
-        assert process.poll() is None
-        time.sleep(0.01)
-    process.send_signal(signal.SIGINT)
-    _, err = process.communicate(timeout=300)
-    names = written(out)
-    assert err.splitlines() == [
-        f"domesim: {len(names)} of {count} frames are done; the same command goes on with the rest",
-        "domesim: interrupted; what was written is complete",
-    ]
-    assert process.returncode == 130
-    assert 5 <= len(names) < count
-    for name in names:
-        assert read_frame(out / name).pixels.shape == (SIDE, SIDE, 3)

@@ -11,9 +11,8 @@ from command_line import Run
 from stored_masters import store, touched, written
 
 from domesim.commands import render as rendering
-from domesim.frames import read_frame, read_master
+from domesim.frames import read_frame
 from domesim.scene import load_stereo
-from domesim.scene.screening import decoded
 
 SCENE = "stereo_polarised_paper"
 ROWS, COLS = 12, 20
@@ -65,21 +64,6 @@ def test_a_sequence_of_left_and_right(run: Run, tmp_path: Path, out: Path) -> No
         assert frame["gap"] is None
 
 
-def test_what_is_written_is_what_makes_the_ghosts_go(run: Run, tmp_path: Path, out: Path) -> None:
-    arguments = pair(tmp_path / "in")
-    assert run("compensate", *arguments, "--scene", SCENE, "--out", out).code == 0
-    scene = load_stereo(SCENE)
-    observation = scene.observation(ROWS, COLS)
-    wanted = decoded(read_master([arguments[1], arguments[3]]), scene)
-    frames = decoded(read_master([out / "l.exr", out / "r.exr"]), scene)
-    # Where there is light to take away, the eyes see the masters.
-    bright = (wanted > 0.05).all(axis=(0, 3))
-    assert bright.sum() > 20
-    before = np.abs(observation.observe(wanted) - wanted)[:, bright].mean()
-    after = np.abs(observation.observe(frames) - wanted)[:, bright].mean()
-    assert after < 0.3 * before
-
-
 def test_left_is_left(run: Run, tmp_path: Path, out: Path) -> None:
     """Exchanged masters give exchanged results, in a system that is alike for both eyes."""
     _, left, _, right = pair(tmp_path / "in")
@@ -90,23 +74,6 @@ def test_left_is_left(run: Run, tmp_path: Path, out: Path) -> None:
         same = read_frame(out / "a" / name).pixels, read_frame(out / "b" / name).pixels
         np.testing.assert_allclose(*same, atol=2e-3)
         assert np.abs(same[0] - view(0)).max() > 0.005
-
-
-@pytest.mark.parametrize(
-    ("command", "packing", "axis"),
-    [("compensate", "side-by-side", 1), ("observe", "top-bottom", 0)],
-)
-def test_packed_in_one_image(
-    run: Run, tmp_path: Path, out: Path, command: str, packing: str, axis: int
-) -> None:
-    whole = store(tmp_path / "m.exr", np.concatenate([view(0), view(1)], axis), "float")
-    arguments = ("--scene", SCENE, "--method", "subtractive")[: 2 if command == "observe" else 4]
-    found = figures(run, command, whole, "--packing", packing, *arguments, "--out", out)
-    assert found["frames"][0]["output"] == str(out / "m.exr")
-    two = (command, *pair(tmp_path / "in"), *arguments, "--out", out / "two")
-    assert run(*two).code == 0
-    halves = [read_frame(out / "two" / name).pixels for name in ("l.exr", "r.exr")]
-    np.testing.assert_array_equal(read_frame(out / "m.exr").pixels, np.concatenate(halves, axis))
 
 
 def test_what_cannot_be_written_is_not_solved(
@@ -142,65 +109,6 @@ def test_what_each_eye_sees(run: Run, tmp_path: Path, out: Path) -> None:
     plain = run("observe", *arguments, "--scene", SCENE, "--out", out)
     assert "crosstalk sweet spot 1.10%" in plain.out
     assert "the other eye's and stray light" in plain.out
-
-
-def test_a_page(run: Run, tmp_path: Path, out: Path) -> None:
-    arguments = pair(tmp_path / "in")
-    found = figures(run, "compare", *arguments, "--scene", SCENE, "--out", out / "page.html")
-    assert written(out) == ["page.html"]
-    assert {"none", "perceptual"} <= set(found["methods"])
-    page = (out / "page.html").read_text()
-    assert SCENE in page
-    assert "seen from 3 m" in page
-
-
-def test_all_seats(run: Run, tmp_path: Path, out: Path) -> None:
-    arguments = ("compensate", *pair(tmp_path / "in"), "--scene", SCENE, "--weighting", "paper")
-    found = {
-        seat: figures(run, *arguments, "--seat", seat, "--out", out / seat)
-        for seat in ("sweet spot", "left", "all")
-    }
-    seats = {name: told["seats"] for name, told in found.items()}
-    every = ["sweet spot", "left", "right"]
-    assert seats == {"sweet spot": every[:1], "left": ["left"], "all": every}
-    scene = load_stereo(SCENE)
-    frames = {
-        name: decoded(read_master([out / name / eye for eye in ("l.exr", "r.exr")]), scene)
-        for name in found
-    }
-    wanted = decoded(read_master([arguments[2], arguments[4]]), scene)
-
-    def missed(frame: np.ndarray) -> list[float]:
-        seen = [scene.seen_from(name).observation(ROWS, COLS).observe(frame) for name in every]
-        return [float(np.sqrt(np.mean((each - wanted) ** 2))) for each in seen]
-
-    errors = {name: missed(frame) for name, frame in frames.items()}
-    # Whoever sits in the middle would rather not share.
-    assert errors["sweet spot"][0] < errors["all"][0]
-    assert max(errors["all"]) < max(errors["sweet spot"])
-
-
-@pytest.mark.parametrize("scene", ["stereo_shutter", "stereo_spectral", "stereo_cinema_silver"])
-def test_every_kind_of_system(run: Run, tmp_path: Path, out: Path, scene: str) -> None:
-    found = figures(run, "compensate", *pair(tmp_path / "in"), "--scene", scene, "--out", out)
-    (frame,) = found["frames"]
-    assert frame["loss_after"] < 1.05 * min(frame["loss_before"], frame["loss_subtractive"])
-
-
-@pytest.mark.parametrize("seat", [(), ("--seat", "all")])
-def test_pairs_are_aimed_at_unless_told(
-    run: Run, tmp_path: Path, out: Path, seat: tuple[str, ...]
-) -> None:
-    """Several seats, too: validation/notes/0007."""
-    arguments = ("compensate", *pair(tmp_path / "in"), "--scene", SCENE, *seat)
-
-    def after(name: str, *more: str) -> float:
-        found = figures(run, *arguments, *more, "--out", out / name)
-        return float(found["frames"][0]["loss_after"])
-
-    default = after("default")
-    assert default == after("contrast", "--weighting", "contrast")
-    assert default != after("paper", "--weighting", "paper")
 
 
 # Traced crosstalk.
@@ -249,11 +157,3 @@ def test_traced_crosstalk_is_accepted(run: Run, tmp_path: Path, out: Path) -> No
     assert "traced through the described hardware" in plain.out
     found = figures(run, "observe", *arguments, "--out", out / "seen")
     assert found["seats"] == ["middle"]
-
-
-def test_what_no_frame_has_is_told_once(run: Run, tmp_path: Path, out: Path) -> None:
-    """A packing that nobody named would be missed by each of 144,000 frames."""
-    show = sequence(tmp_path / "L", "show", 0, 6)
-    refused = run("compensate", show, "--scene", SCENE, "--out", out, "--workers", 1)
-    refused.is_refused("got one picture", "--packing")
-    assert not out.exists()

@@ -9,13 +9,9 @@ from collections.abc import Iterator
 from importlib import metadata
 from pathlib import Path
 
-import numpy as np
 import pytest
 from command_line import Run
-from image_files import store
 
-from compensate.commands import compare
-from domesim.frames import read_master
 from domesim.pathtrace import llvm
 
 LINE = (
@@ -37,10 +33,7 @@ def _missing(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 
 TRACING = {
     "render dome_hemisphere --size 32 --samples 2": "seen.exr",
-    "render dome_hemisphere --view cutaway": "seen.png",
-    "render dome_stereo_polarised --size 32 --samples 2": "seen.exr",
     "tabulate dome_hemisphere --walks 1 --degree 2": "table.npz",
-    "tabulate stereo_cinema_silver": "table.npz",
     "master": "master",
 }
 
@@ -62,25 +55,6 @@ def test_a_theatre_is_shown_without_views(run: Run, tmp_path: Path) -> None:
     page = (tmp_path / "scene.html").read_text()
     assert "Section, from the right" in page
     assert "What seats see" not in page
-
-
-@pytest.mark.usefixtures("_missing")
-def test_an_experiment_that_traces_is_not_run(run: Run, out: Path) -> None:
-    outcome = run("validate", "--quick", "--only", "closed_form", "--out", out)
-    assert (outcome.code, outcome.err) == (0, "")
-    assert f"not run         closed_form                  0.0 s  {LINE}" in outcome.out
-
-
-@pytest.mark.usefixtures("_missing")
-def test_the_demo_works_and_tells(
-    run: Run, out: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    small = read_master([store(tmp_path / "m.exr", np.full((32, 32, 3), 0.2, np.float32))])
-    monkeypatch.setattr(compare, "bundled_night", lambda: small)
-    outcome = run("demo", "--scene", "dome_hemisphere", "--out", out)
-    assert (outcome.code, outcome.err) == (0, "")
-    *_, told, _, page = outcome.out.splitlines()
-    assert (told, page) == (LINE, f"Open {out / 'compare.html'}")
 
 
 @pytest.mark.usefixtures("_missing")

@@ -119,13 +119,6 @@ def test_readings_may_move_along_with_the_scene(run, rig, tmp_path):
     )
 
 
-def test_other_readings_are_another_system(run, rig, tmp_path):
-    assert run("measure", "crosstalk", rig, "--out", tmp_path / "s.toml")[0] == 0
-    first = load_stereo(tmp_path / "s.toml").digest
-    rig.write_text(RIG.csv(seed=6))
-    assert load_stereo(tmp_path / "s.toml").digest != first
-
-
 @pytest.mark.parametrize(
     ("key", "value", "word"),
     [
@@ -203,12 +196,6 @@ def test_json_says_all(run, rig, tmp_path):
     assert np.array(gamut["matrices"]) == pytest.approx(pair.gamut.matrices)
     assert gamut["light_lost"] == pytest.approx(pair.gamut.lost)
     assert np.array(gamut["crosstalk"]) == pytest.approx(pair.common_matrices)
-
-
-def test_quiet_is_quiet(run, rig, tmp_path):
-    code, out, err = run("measure", "crosstalk", rig, "--out", tmp_path / "s.toml", "--quiet")
-    assert (code, out, err) == (0, "", "")
-    assert (tmp_path / "s.toml").exists()
 
 
 # Grey to grey.
@@ -374,9 +361,3 @@ def test_what_measured_primaries_mean():
 def test_impossible_measured_primaries(name, matrix, message):
     with pytest.raises(InputError, match=message):
         Projector(name, 50.0, 0.1, matrix)
-
-
-def test_the_help_says_what_becomes_of_negative_crosstalk(run):
-    told = " ".join(run("measure", "crosstalk", "--help")[1].split())
-    assert "negative beyond its uncertainty" in told
-    assert "within 4 standard errors it is set to 0" in told

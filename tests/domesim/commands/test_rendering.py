@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import io
 import json
-import re
 import signal
-import subprocess
-import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass
@@ -33,15 +30,6 @@ from domesim.scene import load_scene
 
 SIZE = 32
 WHITE = 10.0
-BARE = """
-name = "a bare hemisphere"
-dome = { radius_m = 5.0 }
-screen = { albedo = 0.5 }
-projector = { white_cd_m2 = 10.0 }
-viewing = { adaptation_cd_m2 = 1.4 }
-[viewpoints]
-up = { position_m = [0.5, 0, 0], look_at_m = [0, 0, 5], field_deg = 60 }
-"""
 HALL = """
 name = "a hall"
 dome = { radius_m = 5.0 }
@@ -127,7 +115,7 @@ def over_screen(
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Scenes and masters."""
     place = tmp_path_factory.mktemp("rendering")
-    for name, text in {"bare": BARE, "hall": HALL, "furnished": FURNISHED}.items():
+    for name, text in {"hall": HALL, "furnished": FURNISHED}.items():
         (place / f"{name}.toml").write_text(text)
     store(place / "white.exr", np.ones((SIZE, SIZE, 3)).astype(np.float32))
     store(place / "grey.exr", np.full((SIZE, SIZE, 3), 0.25).astype(np.float32))
@@ -156,16 +144,6 @@ def test_the_layers_are_named(white: tuple[Layers, dict[str, Any]]) -> None:
     assert {layer.shape for layer in found.layers.values()} == {(SIZE, SIZE, 3)}
 
 
-def test_direct_light_of_a_white_master_is_projector_white(
-    white: tuple[Layers, dict[str, Any]],
-) -> None:
-    found, _ = white
-    screen = load_scene("dome_hemisphere").dome.inside(SIZE, SIZE)
-    np.testing.assert_allclose(found["direct"][screen], WHITE, rtol=1e-6)
-    for layer in found.layers.values():
-        assert np.all(layer[~screen] == 0)
-
-
 def test_indirect_light_of_a_white_master_is_the_closed_form(
     white: tuple[Layers, dict[str, Any]],
 ) -> None:
@@ -192,22 +170,6 @@ def test_the_darker_half_has_its_faintest_star(white: tuple[Layers, dict[str, An
     assert sky["cd_m2"] == pytest.approx(black, rel=1e-3)
     assert sky["mag_arcsec2"] == pytest.approx(12.58 - 2.5 * np.log10(sky["cd_m2"]))
     assert sky["faintest_star"] == faintest_star(sky["cd_m2"], 0.0)._asdict()
-
-
-def test_the_error_is_as_asked_for(white: tuple[Layers, dict[str, Any]]) -> None:
-    found, figures = white
-    screen = load_scene("dome_hemisphere").dome.inside(SIZE, SIZE)
-    error = np.sqrt(found["variance"][screen].mean()) / found["indirect"][screen].mean()
-    assert figures["relative_error"] == pytest.approx(error, rel=1e-4)
-    assert 0.01 < figures["relative_error"] <= 0.02
-    assert figures["status"] == "The requested standard error was reached."
-
-
-def test_layers_add_up(white: tuple[Layers, dict[str, Any]]) -> None:
-    found, figures = white
-    np.testing.assert_allclose(found[""], found["direct"] + found["indirect"], rtol=1e-6)
-    bounces = sum(found[f"bounce{k}"] for k in range(1, figures["bounces"] + 1))
-    np.testing.assert_allclose(bounces, found["indirect"], rtol=1e-4, atol=1e-6)
 
 
 def test_the_header_says_where_it_is_from(white: tuple[Layers, dict[str, Any]]) -> None:
@@ -243,22 +205,6 @@ def test_a_preview_lies_beside_it(folder: Path) -> None:
     assert np.all(preview.pixels[~screen] == 0)
 
 
-def test_the_seed_decides(folder: Path) -> None:
-    def rendered(name: str, seed: int) -> Layers:
-        out = folder / "seeds" / f"{name}.exr"
-        domesim(
-            "render", folder / "hall.toml", "--master", folder / "uneven.exr", "--out", out,
-            "--samples", 16, "--seed", seed, "--json",
-        ).figures()  # fmt: skip
-        return layers_of(out)
-
-    first, again, other = rendered("a", 1), rendered("b", 1), rendered("c", 2)
-    for name in ("", "direct", "indirect", "variance"):
-        np.testing.assert_array_equal(first[name], again[name])
-    np.testing.assert_array_equal(first["direct"], other["direct"])
-    assert np.mean(first["indirect"] != other["indirect"]) > 0.7
-
-
 def test_large_numbers_fit_into_the_header(folder: Path) -> None:
     """More than 2^31 segments are an hour's work; a seed is soon as long."""
     out, seed = folder / "large" / "seen.exr", 3 << 70
@@ -267,31 +213,7 @@ def test_large_numbers_fit_into_the_header(folder: Path) -> None:
     assert figures["seed"] == int(layers_of(out).header["domesim:seed"]) == seed
 
 
-def test_the_bundled_master_is_resized(folder: Path) -> None:
-    out = folder / "night" / "seen.exr"
-    arguments = ("--size", 48, "--samples", 4, "--json")
-    domesim("render", "dome_hemisphere", "--out", out, *arguments).figures()
-    found = layers_of(out)
-    assert found["direct"].shape == (48, 48, 3)
-    assert 0.1 < found["direct"].max() <= WHITE
-
-
 # From a seat, and from outside.
-
-
-def test_the_zenith_from_inside_the_bare_hemisphere(folder: Path) -> None:
-    out = folder / "up" / "seen.exr"
-    domesim(
-        "render", folder / "bare.toml", "--view", "seat:up", "--master", folder / "white.exr",
-        "--out", out, "--size", 32, "--error", 0.01, "--json",
-    ).figures()  # fmt: skip
-    found = layers_of(out)
-    assert set(found.layers) == {"", "direct", "indirect", "variance"}
-    assert found[""].shape == (18, 32, 3)
-    np.testing.assert_allclose(found["direct"], WHITE, rtol=1e-6)
-    error = np.sqrt(found["variance"].mean() / (18 * 32))
-    assert abs(found["indirect"][..., 0].mean() - WHITE / 3) < 4 * error
-    assert error < 0.01
 
 
 @pytest.fixture(scope="module")
@@ -319,26 +241,12 @@ def test_a_seat_sees_the_picture_the_room_and_the_lamps(seat: Layers) -> None:
     assert 1.8 < red / blue < 2.2
 
 
-def test_the_picture_is_not_mirrored_from_a_seat(seat: Layers) -> None:
-    """A domemaster's front is below and its right is right: blue and green is front right."""
-    top = seat["direct"][:4]
-    left, right = top[:, :20].mean((0, 1)), top[:, 28:].mean((0, 1))
-    assert right[2] > 5 * right[0]
-    assert left[0] == pytest.approx(left[2], rel=1e-3)  # front left is grey
-
-
 @pytest.mark.parametrize("view", ["seat:balcony", "balcony", "seat:"])
 def test_an_unknown_seat_is_told_the_known_ones(folder: Path, view: str) -> None:
     out = folder / "unknown" / "seen.exr"
     outcome = domesim("render", folder / "furnished.toml", "--view", view, "--out", out)
     outcome.is_refused(f"'{view}'", "domemaster", "cutaway", "seat:back", "seat:centre", "...")
     assert list(out.parent.iterdir()) == []
-
-
-def test_a_scene_without_seats_says_so(folder: Path) -> None:
-    out = folder / "unknown" / "seen.exr"
-    outcome = domesim("render", folder / "hall.toml", "--view", "seat:centre", "--out", out)
-    outcome.is_refused("'seat:centre'", "'a hall'", "no seats")
 
 
 def test_the_theatre_from_outside(folder: Path) -> None:
@@ -354,22 +262,6 @@ def test_the_theatre_from_outside(folder: Path) -> None:
     pixels = read_frame(out).pixels
     assert pixels.shape == (24, 36, 3)
     assert pixels.std() > 0.05
-
-
-# Lamps and black.
-
-
-def test_what_is_there_without_a_picture_is_counted(folder: Path) -> None:
-    out = folder / "ambient" / "seen.exr"
-    domesim(
-        "render", folder / "furnished.toml", "--master", folder / "white.exr", "--out", out,
-        "--samples", 64, "--json",
-    ).figures()  # fmt: skip
-    found = layers_of(out)
-    screen = load_scene(folder / "furnished.toml").dome.inside(SIZE, SIZE)
-    parts = found["direct"] + found["indirect"] + found["ambient"]
-    np.testing.assert_allclose(found[""][screen], parts[screen] + 0.02, rtol=1e-5)
-    assert found["ambient"][screen].min() > 0
 
 
 # Tables of the whole transport.
@@ -431,34 +323,6 @@ def test_radiosity_is_of_the_same_opinion(hall: tuple[Path, dict[str, Any]]) -> 
     assert apart < 4 * figures["relative_error"] + 5e-4  # what six rings of patches cost
 
 
-@pytest.mark.long
-def test_paths_are_told_where_there_were_some(folder: Path) -> None:
-    """A floor that meets the screen is known by radiosity alone; the second opinion is of paths."""
-    scene = folder / "sunk.toml"
-    scene.write_text(
-        'name = "sunk"\n[dome]\nradius_m = 3.0\n[screen]\nalbedo = 0.4\n[floor]\nheight_m = -0.1\n'
-        "albedo = 0.2\n[projector]\nwhite_cd_m2 = 10.0\n[viewing]\nadaptation_cd_m2 = 1.0\n"
-    )
-    outcome = domesim("tabulate", scene, "--out", folder / "sunk.npz", "--error", 0.02)
-    assert re.search(r"of it by radiosity alone, ", outcome.out)
-    assert re.search(r"Second opinion: path tracing after [1-9][0-9,]+ paths finds 0", outcome.out)
-
-
-def test_a_table_is_what_render_shows(folder: Path, hall: tuple[Path, dict[str, Any]]) -> None:
-    out = folder / "hall" / "seen.exr"
-    domesim(
-        "render", folder / "hall.toml", "--master", folder / "white.exr", "--out", out,
-        "--error", 0.03, "--json",
-    ).figures()  # fmt: skip
-    found = layers_of(out)
-    mean, error = over_screen(
-        found["indirect"], found["variance"], load_scene(folder / "hall.toml").dome
-    )
-    wanted = WHITE * np.array(hall[1]["mean_gain"])
-    assert np.all(np.abs(mean - wanted) < 4 * error + 1e-3 * wanted), (mean, wanted, error)
-    assert np.all(error < 5e-3 * wanted)
-
-
 def test_what_radiosity_cannot_know_is_said(room: tuple[Path, Path, Outcome]) -> None:
     scene, out, outcome = room
     (opinion,) = (line for line in outcome.out.splitlines() if "opinion" in line)
@@ -466,19 +330,6 @@ def test_what_radiosity_cannot_know_is_said(room: tuple[Path, Path, Outcome]) ->
     assert "solids (seats" in opinion
     assert "tabulate" not in opinion  # that is what was done
     assert f"Use it: domesim compensate MASTER --scene {scene} --transport {out}" in outcome.out
-
-
-@pytest.mark.usefixtures("quick_radiosity")
-def test_the_seed_of_a_table_decides(folder: Path, hall: tuple[Path, dict[str, Any]]) -> None:
-    cores = []
-    for name, seed in (("a", 1), ("b", 1), ("c", 2)):
-        out = folder / "tables" / f"{name}.npz"
-        arguments = ("--walks", 1, "--degree", 1, "--seed", seed, "--no-check", "--json")
-        figures = domesim("tabulate", folder / "hall.toml", "--out", out, *arguments).figures()
-        assert "second_opinion" not in figures
-        cores.append(load_transport(out).core)
-    np.testing.assert_array_equal(cores[0], cores[1])
-    assert np.all(cores[0] != cores[2])
 
 
 APPROXIMATE = "approximate: the closed form knows the bare screen only"
@@ -502,21 +353,6 @@ def test_observe_uses_the_table(folder: Path, room: tuple[Path, Path, Outcome]) 
     assert frame["pollution_cd_m2"] == pytest.approx(WHITE * gain + 0.02, rel=2e-3)
     assert bare["pollution_cd_m2"] == pytest.approx(WHITE / 3 + 0.02, rel=1e-3)
     assert frame["pollution_cd_m2"] > 1.05 * bare["pollution_cd_m2"]
-
-
-def test_compensate_uses_the_table(folder: Path, room: tuple[Path, Path, Outcome]) -> None:
-    scene, table, _ = room
-    written = {}
-    for name, options in {"without": (), "with": ("--transport", table)}.items():
-        out = folder / f"compensated {name}"
-        outcome = domesim(
-            "compensate", folder / "uneven.exr", "--scene", scene, "--out", out, *options
-        )
-        assert (outcome.code, outcome.err) == (0, "")
-        assert (APPROXIMATE in outcome.out) == (name == "without")
-        written[name] = read_frame(out / "uneven.exr").pixels
-    # The room's light is more, so more is taken away.
-    assert written["with"].mean() < written["without"].mean() - 1e-3
 
 
 # Ctrl-C.
@@ -572,20 +408,6 @@ def test_an_interrupted_picture_is_written(
     assert signal.getsignal(signal.SIGINT) is before
 
 
-@pytest.mark.parametrize("view", VIEWS)
-def test_interrupted_lamps_are_told(
-    folder: Path, press_ctrl_c: Callable[..., Callable[[], int]], view: str
-) -> None:
-    out = folder / "interrupted" / f"{view[:4]} lamps.exr"
-    press_ctrl_c(at=3)
-    outcome = domesim(
-        "render", folder / "furnished.toml", "--master", folder / "white.exr", "--out", out,
-        "--error", 1e-6, "--samples", 64, "--view", view, "--size", SIZE, "--json",
-    )  # fmt: skip
-    assert outcome.code == 130
-    assert json.loads(outcome.out)["status"] == INTERRUPTED
-
-
 def test_an_interrupted_table_is_written(
     folder: Path, press_ctrl_c: Callable[..., Callable[[], int]]
 ) -> None:
@@ -614,51 +436,3 @@ def test_a_second_ctrl_c_ends_everything(
     outcome = domesim(command, folder / "hall.toml", "--out", out, "--quiet")
     assert (outcome.code, outcome.err) == (130, COMPLAINT)
     assert list(out.parent.iterdir()) == []
-
-
-WATCHED = """
-import contextlib
-from domesim.__main__ import main
-from domesim.host.console import Console
-
-@contextlib.contextmanager
-def share(self, what):
-    yield lambda done, how: print(what, done, flush=True)
-
-Console.share = share
-main()
-"""
-
-
-def in_a_process(*arguments: object, **options: Any) -> subprocess.Popen[str]:
-    return subprocess.Popen(
-        [sys.executable, *map(str, arguments)],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        # Whoever runs the tests in the background makes their children ignore Ctrl-C.
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # noqa: PLW1509
-        **options,
-    )
-
-
-@pytest.mark.long
-def test_a_real_ctrl_c(folder: Path) -> None:
-    out = folder / "interrupted" / "real.exr"
-    process = in_a_process(
-        "-c", WATCHED, "render", "dome_hemisphere", "--master", folder / "white.exr", "--out", out,
-        "--error", 1e-6, "--samples", 1 << 40, "--quiet",
-    )  # fmt: skip
-    assert process.stdout is not None
-    told = [process.stdout.readline().split() for _ in range(3)]
-    process.send_signal(signal.SIGINT)
-    _, err = process.communicate(timeout=300)
-    assert (process.returncode, err) == (130, COMPLAINT)
-    assert [what for what, _ in told] == ["tracing"] * 3
-    found = layers_of(out)
-    assert found.header["domesim:status"] == INTERRUPTED
-    assert found.header["domesim:samples"] >= 32
-    mean, error = over_screen(
-        found["indirect"], found["variance"], load_scene("dome_hemisphere").dome
-    )
-    assert np.all(np.abs(mean - WHITE / 3) < 4 * error)
