@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 from command_line import Run
-from image_files import store
 
 from domesim.frames.colour import CHROMATICITIES
 from domesim.inspection.gamuts import colours_of, gamut_drawing
@@ -120,25 +117,3 @@ def test_commands_tell_them(tmp_path: Path, run: Run) -> None:
     shown = run("scene", "show", "stereo_cinema_silver", "--out", page, "--json").figures()
     assert shown["coverage BT.709"] == pytest.approx(100, abs=0.2)
     assert "Gamut, CIE 1976" in page.read_text()
-
-
-def test_nothing_imports_it_that_does_not_need_it(tmp_path: Path) -> None:
-    """It takes two seconds."""
-    store(tmp_path / "x.png", np.full((32, 32, 3), 90, np.uint8))
-    program = (
-        "import sys; from domesim.__main__ import main\n"
-        "try:\n    main()\nexcept SystemExit as end:\n    assert not end.code, end.code\n"
-        "assert 'colour' not in sys.modules, 'colour'\n"
-    )
-    for words in (
-        ("observe", "x.png", "--scene", "dome_hemisphere", "--out", "seen"),
-        ("compensate", "x.png", "--scene", "dome_hemisphere", "--method", "none", "--out", "to"),
-        ("scene", "check", "dome_hemisphere"),
-        ("measure", "--help"),
-        ("report-card", "--help"),
-    ):
-        done = subprocess.run(
-            [sys.executable, "-c", program, *words],
-            cwd=tmp_path, capture_output=True, text=True, check=False,
-        )  # fmt: skip
-        assert done.returncode == 0, done.stderr

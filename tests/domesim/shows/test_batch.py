@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import errno
 import hashlib
 import json
 import os
-import platform
 import re
-import resource
 import signal
 import subprocess
 import sys
@@ -34,10 +31,10 @@ from domesim.host.console import Console
 from domesim.host.writing import LIST, make_own, temporary_of
 from domesim.shows import cluster, crew, job, report
 from domesim.shows.estimate import estimate
-from domesim.shows.job import FOLDER, open_job
+from domesim.shows.job import FOLDER
 from domesim.shows.run import Running, crew_of, each_frame
 from domesim.shows.show import find_show
-from domesim.shows.work import Failed, Order, Writing
+from domesim.shows.work import Writing
 from testing.schedulers import more_workers, scheduler
 
 PATIENCE = 180.0  # s: for what must happen to happen
@@ -133,17 +130,6 @@ def test_a_record_of_something_else_is_none(tmp_path: Path, recipe: Harmful, con
     assert is_whole(tmp_path, 3)
 
 
-def test_another_program_does_no_frame(tmp_path: Path, recipe: Harmful) -> None:
-    """Of a worker that came after the command had looked at all of them."""
-    make_show(tmp_path / "in", 1)
-    with open_job(tmp_path, {"domesim": "0.0.1"}) as another:
-        place = (tmp_path / "in.0001.exr",)
-        found = cluster.do(Order(show_of(tmp_path / "in"), place, recipe, Writing(), another))
-    assert isinstance(found, Failed)
-    assert "wanted domesim 0.0.1" in found.reason
-    assert not recipe.begun()
-
-
 def damage(path: Path) -> None:
     content = bytearray(path.read_bytes())
     content[-1] ^= 1
@@ -208,25 +194,6 @@ def test_no_worker_waits_for_results_to_be_read(
     assert is_whole(tmp_path, 4)
 
 
-def test_a_schedulers_workers_see_what_is_done(tmp_path: Path, recipe: Harmful) -> None:
-    make_show(tmp_path / "in", 4)
-    copied(tmp_path, recipe, 0)
-    (tmp_path / "out/job/in.0003.exr.json").unlink()
-    damage(tmp_path / "out/in.0002.exr")
-    with scheduler(1) as (address, _):
-        done = copied(tmp_path, recipe, 0, scheduler=address)
-    assert done.kept == 2
-    assert [Path(frame["input"]).name[3:7] for frame in done.frames] == [
-        "0001",
-        "0002",
-        "0003",
-        "0004",
-    ]
-    begun = sorted(recipe.log.iterdir(), key=lambda path: path.stat().st_mtime_ns)
-    assert [path.name[3:7] for path in begun[4:]] == ["0003", "0002"]
-    assert is_whole(tmp_path, 4)
-
-
 def test_parts_of_a_show_belong_to_one_job(tmp_path: Path, recipe: Harmful) -> None:
     """As render farms do them: the same command for each range of frames."""
     make_show(tmp_path / "in", 4)
@@ -274,24 +241,6 @@ from batches import do_show, harmful_in, show_of
 folder = Path(sys.argv[1])
 do_show(show_of(folder / "in", sys.argv[2]), folder, harmful_in(folder))
 """
-
-
-def test_other_settings_are_refused_unless_told(tmp_path: Path) -> None:
-    folder = tmp_path
-    with open_job(folder, {"method": "subtractive", "gain": 0.1}):
-        pass
-    with (
-        pytest.raises(InputError, match="method: subtractive there, perceptual now") as refused,
-        open_job(folder, {"method": "perceptual", "gain": 0.1}),
-    ):
-        pass
-    assert "\n" not in str(refused.value)
-    with open_job(folder, {"method": "perceptual", "gain": 0.1}, mixed=True) as mixed:
-        pass
-    with open_job(folder, {"method": "none", "gain": 0.1}, anew=True) as anew:
-        pass
-    assert len({mixed.settings, anew.settings}) == 2
-    assert json.loads((folder / FOLDER / "settings.json").read_text())["method"] == "none"
 
 
 def test_mixing_keeps_and_anew_does_not(tmp_path: Path, recipe: Harmful) -> None:
@@ -366,16 +315,6 @@ def test_a_truncated_master_fails_alone(tmp_path: Path, recipe: Harmful) -> None
     assert not (tmp_path / "out/in.0002.exr").exists()
 
 
-def test_a_master_that_goes_away_fails_alone(tmp_path: Path, recipe: Harmful) -> None:
-    make_show(tmp_path / "in", 3)
-    gone = tmp_path / "in/in.0003.exr"
-    done = copied(tmp_path, Harmful(recipe.log, removes=gone), 1)
-    assert len(done.frames) == 2
-    (reason,) = done.failed
-    assert "in.0003.exr" in reason
-    assert "\n" not in reason
-
-
 def test_a_fault_of_ours_fails_alone(tmp_path: Path, recipe: Harmful) -> None:
     make_show(tmp_path / "in", 2)
     done = copied(tmp_path, Harmful(recipe.log, faulty="in.0001.exr"), 0)
@@ -435,31 +374,6 @@ def test_a_folder_that_goes_away_is_told_once(
     assert "no such file or directory" in errors[0]
     assert "frames were not begun after that" in errors[1]
     assert "report.html" in errors[2]
-
-
-def test_a_file_system_that_turns_read_only_is_told_once(
-    tmp_path: Path,
-    recipe: Harmful,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    make_show(tmp_path / "in", 30)
-    original = os.fsync
-
-    def fsync(handle: int) -> None:
-        if len(recipe.begun()) > 3:
-            raise OSError(errno.EROFS, os.strerror(errno.EROFS))
-        original(handle)
-
-    monkeypatch.setattr("domesim.host.writing.os.fsync", fsync)
-    done = copied(tmp_path, recipe, 0)
-    assert 1 <= len(done.frames) <= 3
-    assert len(recipe.begun()) < 8
-    assert done.report is not None
-    assert done.report.exists()
-    errors = capsys.readouterr().err.splitlines()
-    assert len(errors) == 3, errors
-    assert all("read-only" in line for line in errors[::2])
 
 
 def test_a_table_that_cannot_be_written_is_a_failure(tmp_path: Path, recipe: Harmful) -> None:
@@ -583,22 +497,6 @@ def test_a_worker_that_stands_still_at_the_end_is_ended(tmp_path: Path, recipe: 
     assert process.returncode == 0
     assert errors == ""
     assert not alive(idle)
-
-
-def faults_of_a_second_array() -> int:
-    """Pages that a process fetches for an array as large as one that was freed before."""
-    np.ones(20_000_000, np.float32)
-    before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
-    np.ones(20_000_000, np.float32)
-    return resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before
-
-
-@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="other C libraries aren't told")
-def test_a_worker_keeps_the_memory_of_its_last_frame() -> None:
-    """In threads that begin before it could be told: else each frame fetches it anew."""
-    with crew.client_of(crew.Crew(), print) as client:
-        told = client.submit(faults_of_a_second_array, pure=False)
-        assert told.result(PATIENCE) < 20
 
 
 def test_a_frame_timeout_is_for_each_frame(tmp_path: Path, recipe: Harmful) -> None:

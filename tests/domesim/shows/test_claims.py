@@ -115,18 +115,6 @@ def test_shows_that_are_killed_have_the_bytes_of_one_that_is_not(tmp_path: Path)
         assert results(folder) == results(whole)
 
 
-@pytest.mark.long
-def test_two_commands_share_the_frames(tmp_path: Path) -> None:
-    """By frames that take longer than all else, and sleep: the machine's cores do not matter."""
-    make_show(tmp_path / "in", FRAMES)
-    harmful_in(tmp_path)
-    runs = [started(tmp_path, 0.5) for _ in range(2)]
-    assert [ended(run) for run in runs] == [0, 0]
-    pids = Counter(path.read_text() for path in (tmp_path / "log").iterdir())
-    assert len(pids) == 2
-    assert min(pids.values()) >= FRAMES // 4, pids
-
-
 def test_one_command_alone_makes_the_report(tmp_path: Path) -> None:
     make_show(tmp_path / "in", 2)
     recipe = harmful_in(tmp_path)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 import time
 from fractions import Fraction
 from pathlib import Path
@@ -14,7 +13,7 @@ import pytest
 from batches import do_show, harmful_in
 from command_line import Run
 from numpy.typing import NDArray
-from videos import KINDS, number_of, write_numbered
+from videos import KINDS, write_numbered
 
 from domesim.commands.shows import suffix_of
 from domesim.errors import InputError
@@ -78,7 +77,7 @@ def test_the_same_frames_give_the_same_bytes(tmp_path: Path, suffix: str) -> Non
         path = tmp_path / name / f"film{suffix}"
         written(path, pictures(), bits)
         contents.append(path.read_bytes())
-        time.sleep(1.1)
+        time.sleep(1.1 * (name == "first"))
     assert contents[0] == contents[1]
 
 
@@ -251,16 +250,6 @@ def test_a_video_is_read_through_once_for_all_workers(tmp_path: Path, monkeypatc
     assert read == [source]
 
 
-def test_exr_files_say_their_rate(tmp_path: Path) -> None:
-    kind = KINDS["H.264"]
-    source = write_numbered(tmp_path / f"film{kind.suffix}", kind, 3, rate=Fraction(60))
-    filmed(str(source), tmp_path, ".exr")
-    done = filmed(str(tmp_path / "out/film.####.exr"), tmp_path / "again")
-    (film,) = done.films
-    assert timing_of(frame_paths(film)[0], USUAL_RATE).rate == 60
-    assert [number_of(read_frame(each).pixels) for each in frame_paths(film)] == [1, 2, 3]
-
-
 def flip(path: Path) -> None:
     content = bytearray(path.read_bytes())
     content[len(content) // 2] ^= 1
@@ -386,17 +375,6 @@ def test_a_film_does_not_go_over_its_master(tmp_path: Path) -> None:
     source = write_numbered(tmp_path / "out/film.mkv", KINDS["FFV1"], 3)
     with pytest.raises(InputError, match=r"film.mkv: wanted a place for the result, got the input"):
         filmed(str(source), tmp_path)
-    assert not list((tmp_path / "log").iterdir())
-
-
-def test_the_extra_is_asked_for_before_any_work(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setitem(sys.modules, "av", None)
-    with pytest.raises(
-        InputError, match=r"show.mkv: videos and AVIF need .*pip install 'domesim\[video\]'"
-    ):
-        filmed(sequence(tmp_path / "in"), tmp_path)
     assert not list((tmp_path / "log").iterdir())
 
 
