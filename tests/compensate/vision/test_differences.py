@@ -192,6 +192,16 @@ def test_more_difference_is_more_visible(sign: int) -> None:
         assert (more[near] > less[near]).all()
 
 
+def test_a_change_of_hue_that_is_alike_everywhere_is_pooled_as_it_is_mapped() -> None:
+    """Only the base band has it."""
+    wanted = field(5.0)
+    reddish = wanted * np.array([1.05, 1, 0.9], np.float32)
+    mapped = visible_difference(wanted, reddish, PER_DEGREE)
+    assert mapped.min() > 0.1
+    pooled = quality_lost(Reference(wanted, PER_DEGREE).pooled(reddish))
+    np.testing.assert_allclose(pooled, mapped.mean(), rtol=0.05)
+
+
 @pytest.mark.parametrize("finer", [2, 3])
 def test_finer_pixels_see_the_same(finer: int) -> None:
     """Of pictures that coarse ones can hold."""

@@ -119,6 +119,13 @@ def test_many_corners_take_no_memory(tmp_path: Path) -> None:
                 from_file(path, "saw", GREY)
 
 
+def test_quads_and_triangles_of_one_file(tmp_path: Path) -> None:
+    mixed = b"v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 2 0 0\nf 1 2 3 4\nf 2 5 3\nf 2//1 5//1 3//1\n"
+    (tmp_path / "x.obj").write_bytes(mixed)
+    parts = sizes(from_file(tmp_path / "x.obj", "x", GREY))
+    np.testing.assert_allclose(np.linalg.norm(parts, axis=-1).sum(), 2.0)
+
+
 @pytest.mark.parametrize(("unit", "near"), [(1.0, True), (1000.0, False), (100.0, False)])
 @pytest.mark.parametrize("radius", [4.0, 7.62, 15.0])
 def test_a_thing_in_millimetres_is_refused(unit: float, near: bool, radius: float) -> None:
