@@ -59,6 +59,6 @@ def test_a_root_is_the_same_for_equal_eigenvalues(values):
 @settings(deadline=None)
 @given(NOISE.map(lambda noise: noise.reshape(3, 2)), st.tuples(*2 * [st.sampled_from((-1, 1))]))
 def test_signs_are_those_of_the_first_largest_number(noise, signs):
-    vectors = np.array([[-0.6, 0.1], [0.5, 0.7], [0.6, -0.7]])
+    vectors = np.array([[-0.6, -0.1], [0.5, 0.7], [0.6, -0.7]])
     found = upright((vectors + noise) * signs)
     assert found == pytest.approx(vectors * [-1, 1], abs=1e-12)

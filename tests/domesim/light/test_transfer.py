@@ -129,7 +129,9 @@ def test_an_impossible_measurement_is_refused(light, message):
     "name", ["linear", "srgb", "bt1886", "gamma2.35", "st2084", "dcdm", "hlg400"]
 )
 def test_curves_are_found_by_name(name):
-    assert not named(name, white=48).decode(np.zeros(3)).any()
+    curve = named(name, white=48)
+    assert not curve.decode(np.zeros(3)).any()
+    assert not curve.encode(np.zeros(3)).any()
 
 
 @pytest.mark.parametrize("name", ["log", "gamma", "gamma0", "gammax", "", "hlg2", "hlgnan"])

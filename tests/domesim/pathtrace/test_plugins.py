@@ -53,47 +53,6 @@ def test_camera_looks_where_the_dome_says(mi: Any, half_angle: float) -> None:
     np.testing.assert_array_equal(weight > 0, inside)
 
 
-def test_camera_can_be_turned_and_moved(mi: Any) -> None:
-    aimed = mi.ScalarTransform4f().look_at([1, 2, 3], [1, 12, 3], [0, 0, -1])
-    origin, toward, _ = rays_of(mi, camera(mi, to_world=aimed), 0.5, 0.5)
-    np.testing.assert_allclose(origin, [1, 2, 3], atol=1e-6)
-    np.testing.assert_allclose(toward, [0, 1, 0], atol=1e-6)
-
-
-def test_camera_crops(mi: Any) -> None:
-    film = {"type": "hdrfilm", "width": 9, "height": 9, "rfilter": {"type": "box"},
-            "crop_offset_x": 2, "crop_offset_y": 4, "crop_width": 3, "crop_height": 5}  # fmt: skip
-    across, down = np.meshgrid((np.arange(3) + 0.5) / 3, (np.arange(5) + 0.5) / 5)
-    _, toward, _ = rays_of(mi, mi.load_dict({"type": "domemaster", "film": film}), across, down)
-    whole = Dome(radius=1.0, half_angle=np.pi / 2).directions(9, 9)
-    np.testing.assert_allclose(toward, whole[4:9, 2:5], atol=1e-6)
-
-
-def test_lights_in_front_and_on_the_right_are_below_and_on_the_right(mi: Any) -> None:
-    theta = np.pi / 2 * 10 / 21  # five of 21 pixels from the middle
-
-    def ball(right: float, front: float, colour: list[float]) -> dict[str, Any]:
-        light = {"type": "area", "radiance": {"type": "rgb", "value": colour}}
-        centre = 5 * np.array([right * np.sin(theta), front * np.sin(theta), np.cos(theta)])
-        return {"type": "sphere", "center": centre.tolist(), "radius": 0.6, "light": light}
-
-    film = {"type": "hdrfilm", "width": 21, "height": 21, "rfilter": {"type": "box"}}
-    scene = mi.load_dict(
-        {
-            "type": "scene",
-            "integrator": {"type": "path"},
-            "front": ball(0.0, 1.0, [1.0, 0.0, 0.0]),
-            "right": ball(1.0, 0.0, [0.0, 1.0, 0.0]),
-            "sensor": {"type": "domemaster", "film": film},
-        }
-    )
-    picture = np.array(mi.render(scene, spp=16, seed=3))
-    for channel, place in ((0, (15, 10)), (1, (10, 15))):
-        row, col = np.unravel_index(picture[..., channel].argmax(), (21, 21))
-        assert (row, col) == place
-        assert picture[row, col, channel] == pytest.approx(1.0)
-
-
 def test_eyes_are_level_beside_the_direction_looked_in(mi: Any) -> None:
     left, right = (camera(mi, eye_offset=side * 0.03) for side in (-1, 1))
     # Looking to the front, to the right, and to the front 30 degrees from the zenith.
@@ -212,42 +171,6 @@ def test_its_light_is_the_same_however_asked_for(mi: Any) -> None:
     np.testing.assert_allclose(np.array(again), np.array(sampled), rtol=1e-6)
 
 
-def test_filters_differ_between_pixels(mi: Any) -> None:
-    """Half way between the centres of two pixels and a little: 0.3 and 0.7 of the way."""
-    picture = np.zeros((2, 2, 3))
-    picture[:, 1] = 1.0
-    theta = 0.2 * np.pi / 2  # u = 0.2, which is 0.7 of the way from -0.5 to 0.5
-    toward = np.array([[np.sin(theta), 0.0, np.cos(theta)]])
-    for filter_type, value in (("nearest", 1.0), ("bilinear", 0.7)):
-        scene = inside_a_sphere(mi, 1.0, projector(mi, picture, filter_type=filter_type))
-        radiance = seen(mi, scene, {"type": "direct"}, [0, 0, 0], toward)
-        np.testing.assert_allclose(radiance, value * ALBEDO / np.pi, rtol=1e-3)
-
-
-def test_path_integrator_is_unbiased_by_it(mi: Any) -> None:
-    """In a whole sphere the reflected light is known: E = v / r² + albedo/(1 - albedo) v / r²."""
-    value, radius, batches = 0.9, 2.0, 40
-    lens = projector(mi, np.full((4, 4, 3), value), half_angle=np.pi)
-    scene = inside_a_sphere(mi, radius, lens)
-    path = {"type": "path", "max_depth": 40, "rr_depth": 3}
-    radiance = seen(mi, scene, path, [0.2, 0.1, 0.3], evenly_spread(80_000)[:, [2, 0, 1]])
-    means = radiance[:, 0].reshape(-1, batches).mean(axis=0)
-    truth = ALBEDO / np.pi * value / radius**2 / (1 - ALBEDO)
-    error = means.std(ddof=1) / np.sqrt(batches)
-    assert error < 2e-3 * truth
-    assert abs(means.mean() - truth) < 4 * error
-
-
-def test_sampled_rays_carry_the_flux(mi: Any) -> None:
-    half_angle, value = 1.1, 0.6
-    lens = mi.load_dict(projector(mi, np.full((4, 4, 3), value), half_angle=half_angle))
-    u, v = pixel_centres(64)
-    ray, weight = lens.sample_ray(0.0, 0.5, mi.Point2f(0.5), mi.Point2f(u.ravel(), v.ravel()))
-    flux = value * 2 * np.pi * (1 - np.cos(half_angle))
-    assert np.array(weight).mean() == pytest.approx(flux, rel=1e-5)
-    assert np.array(ray.d.z).min() == pytest.approx(np.cos(half_angle), abs=0.02)
-
-
 @pytest.mark.parametrize(
     ("settings", "words"),
     [({"half_angle": 4.0}, "half_angle"), ({"eye_offset": 0.1, "convergence": 0.1}, "convergence")],
@@ -257,9 +180,3 @@ def test_settings_that_cannot_be_are_refused(
 ) -> None:
     with pytest.raises(Exception, match=words):
         camera(mi, **settings)
-
-
-@pytest.mark.parametrize("shape", [(4, 5, 3), (4, 4, 1)])
-def test_pictures_that_are_no_domemaster_are_refused(mi: Any, shape: tuple[int, ...]) -> None:
-    with pytest.raises(Exception, match="fisheye_projector wants a"):
-        mi.load_dict(projector(mi, np.ones(shape)))

@@ -13,7 +13,7 @@ from theatres import cinema
 from domesim.errors import InputError
 from domesim.pathtrace import polarised
 from domesim.pathtrace.llvm import load_mitsuba
-from domesim.pathtrace.polarised import crosstalk_map, luminance_map
+from domesim.pathtrace.polarised import crosstalk_map
 from domesim.stereo.polarisation import crosstalk_estimate
 from domesim.stereo.system import SilverScreen
 from testing.statistics import assert_unbiased, calibration
@@ -79,32 +79,6 @@ def test_nothing_goes_astray_between_ideal_filters():
     np.testing.assert_allclose(found.share, 0, atol=1e-6)
 
 
-def test_everything_does_on_a_screen_that_forgets_polarisation():
-    one_place = ((0.2, -24, 2), (0.2, -24, 2))
-    theatre = cinema(replace(SCREEN, depolarising_share=1.0), LEAKS, one_place)
-    found = crosstalk_map(theatre, "corner", 2, 3, samples=64)
-    np.testing.assert_allclose(found.share, 1, atol=2e-6)
-
-
-def test_crosstalk_rises_off_axis():
-    """In the middle of the screen, seat by seat; intervals of 99.9 % do not touch."""
-    maps = [
-        crosstalk_map(CINEMA, seat, 3, 3, samples=256, seed=4)
-        for seat in ("sweet spot", "aisle", "corner")
-    ]
-    middle = np.array([(m.share[:, 1, 1], m.standard_error[:, 1, 1]) for m in maps])
-    low, high = (middle[:, 0] + 3.29 * side * middle[:, 1] for side in (-1, 1))
-    assert np.all(low[1:] > high[:-1])
-
-
-def test_the_same_arguments_give_the_same_map():
-    first, again = (crosstalk_map(CINEMA, "aisle", 2, 3, samples=32, seed=5) for _ in range(2))
-    np.testing.assert_array_equal(first.share, again.share)
-    np.testing.assert_array_equal(first.standard_error, again.standard_error)
-    other = crosstalk_map(CINEMA, "aisle", 2, 3, samples=32, seed=6)
-    assert np.all(first.share != other.share)
-
-
 def test_launches_are_added_up(monkeypatch):
     monkeypatch.setattr(polarised, "_LAUNCH", 6 * 40)
     told = []
@@ -127,24 +101,6 @@ def test_a_quotient_s_error_is_that_of_its_parts():
     residual = other - expected[:, None] * own
     np.testing.assert_allclose(share, expected)
     np.testing.assert_allclose(error, residual.std(1, ddof=1) / np.sqrt(50) / own.mean(1))
-
-
-def test_the_luminance_of_three_colours():
-    theatre, weights = replace(CINEMA, wavelengths=(615, 545, 465)), np.array([0.2, 0.7, 0.1])
-    told = []
-    found = luminance_map(theatre, weights, "aisle", 2, 3, seed=3, progress=told.append)
-    assert told == pytest.approx([1 / 3, 2 / 3, 1])
-    estimate = [crosstalk_estimate(one, "aisle", 2, 3) for one in theatre.by_primary()]
-    assert_unbiased(found.share, found.standard_error, np.tensordot(weights, estimate, axes=1))
-    plain = luminance_map(CINEMA, weights, "aisle", 2, 3, seed=3)
-    np.testing.assert_array_equal(plain.share, crosstalk_map(CINEMA, "aisle", 2, 3, seed=3).share)
-
-
-def test_mitsuba_s_variant_is_left_as_it_was():
-    mi = load_mitsuba()
-    before = mi.variant()
-    crosstalk_map(CINEMA, "aisle", 1, 1, samples=2)
-    assert mi.variant() == before
 
 
 def test_ctrl_c_waits_for_the_launch_and_leaves_no_map(monkeypatch):

@@ -93,14 +93,6 @@ def _few_nodes(monkeypatch):
 
 
 @pytest.mark.usefixtures("_few_nodes")
-@pytest.mark.parametrize("name", ["booth", pytest.param("lamp housing", marks=pytest.mark.long)])
-def test_no_solid_is_left_out_for_its_name(name):
-    box = Solid(name, SPECK.vertices * [500, 1, 500] + [-1.0, -2.0, 0.5], SPECK.faces, BLACK)
-    theatre = Theatre(Dome(3.0, np.pi / 2), GREY, floor=Floor(0.0, 3.0, GREY), solids=(box,))
-    assert tabulate(theatre, error=0.05, degree=1).walks > 0
-
-
-@pytest.mark.usefixtures("_few_nodes")
 def test_nothing_converges_that_has_not():
     theatre = Theatre(Dome(3.0, np.pi / 2), GREY, floor=Floor(0.0, 3.0, GREY))
     found = tabulate(theatre, error=1e-7, degree=1)
@@ -130,14 +122,6 @@ def test_lamps_are_seen(screened, backwards):
     row, col = np.nonzero(seen[..., 0])
     assert abs(row.mean() - 44.5) < 0.3
     assert abs(col.mean() - 79.5) < 0.3
-
-
-@pytest.mark.long
-def test_a_tall_dome_is_tabulated():
-    """It has more screen than its sphere, so the closed form refuses it and sends people here."""
-    theatre = Theatre(Dome(3.0, np.pi / 2, height_ratio=4.0), GREY)
-    found = tabulate(theatre, error=0.01, degree=2).transport.mean_gain()
-    np.testing.assert_allclose(found, radiosity(theatre, resolution=12).mean_gain(), rtol=0.03)
 
 
 def test_white_is_as_bright_in_pictures_of_any_size():

@@ -393,6 +393,7 @@ def with_sections(*names: str) -> str:
 # (sections, before, after, path, what is said)
 MISTAKES = [
     ((), "radius_m = 8.0", "radius_m = 8.0\ntruncated_below_m = 8", "dome", "no screen is left"),
+    ((), "radius_m = 8.0", "radius_m = 0.001", "dome.radius_m", "at least 0.01, got 0.001"),
     (("floor",), "height_m = -2.0", "height_m = nan", "floor.height_m", "finite number, got nan"),
     (("floor",), "albedo = 0.1", "albedo = [0.1, 0.2]", "floor.albedo[2]", "is missing"),
     (("wall",), "[wall]", "[wall]", "wall", "needs a [floor] to stand on, got none"),
