@@ -12,7 +12,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command_line import exit_code
-from documented import commands
 from statsmodels.genmod.families import Binomial
 from statsmodels.genmod.generalized_linear_model import GLM
 
@@ -79,13 +78,6 @@ def test_neighbours_are_of_different_masters():
     assert all(a.master != b.master for a, b in pairwise(trials))
     # One master alone cannot be kept apart
     assert len(plan(["one"], METHODS, viewer=1, seed=0)) == TRAINING + CATCH + 6
-
-
-def test_orders_are_the_seeds_and_the_viewers():
-    first = plan(MASTERS, METHODS, viewer=1, seed=0)
-    assert first == plan(MASTERS, METHODS, viewer=1, seed=0)
-    assert first != plan(MASTERS, METHODS, viewer=2, seed=0)
-    assert first != plan(MASTERS, METHODS, viewer=1, seed=1)
 
 
 @pytest.mark.parametrize(
@@ -164,16 +156,6 @@ def test_the_share_is_that_of_all_people():
     assert wins[:, 0, 1].mean() / 50 == pytest.approx(0.8, abs=0.006)
 
 
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [({"share": 0.4}, "--share is from 0.5"), ({"spread": -1}, "--spread is from 0")],
-)
-def test_impossible_situations_are_refused(change, words):
-    usual = {"share": 0.6, "spread": 0.5, "methods": 3, "each": 20}
-    with pytest.raises(InputError, match=words):
-        power.power(Situation(**{**usual, **change}), 8)
-
-
 # Viewers
 
 
@@ -241,12 +223,6 @@ def test_the_papers_films_come_out_as_printed():
     assert (pair.wins, pair.trials, pair.significant) == (102, 120, True)
     found = analyse_study(study, people).figures()
     assert found["pearson"] == pytest.approx(58.8)
-
-
-def test_one_viewer_is_no_audience(study):
-    one = attentive(study, 1, [0, 0, 0], np.random.default_rng(0))
-    with pytest.raises(InputError, match="answers of 2 or more viewers, got 1"):
-        analyse_study(study, [one])
 
 
 # The folder
@@ -371,11 +347,7 @@ def test_mistakes_are_one_line(made, pair, run, tmp_path):
     new = ("study", "new", "--scene", CIRCLE, "--out", tmp_path / "new")
     both = ("--left", pair[0], "--right", pair[1])
     run(*new).is_refused("wants masters", "got none")
-    run(*new, *both, "--show", "wall").is_refused("room or display, got 'wall'")
     run(*new, *both, "--methods", "none,magic").is_refused("'magic' is not known")
-    run(*new, *both, "--seconds", 0).is_refused("--seconds")
-    run(*new, "--left", pair[0]).is_refused("1 --left and 0 --right")
-    run(*new, *both, "--show", "display", "--sittings", 1).is_refused("--sittings")
     run("study", "analyse", tmp_path).is_refused("study.json", "domesim study new")
     run("study", "power", "--viewers", "few").is_refused("--viewers", "few")
     run("study", "analyse", made).is_refused("2 or more viewers, got 0")
@@ -394,42 +366,6 @@ def test_mistakes_are_one_line(made, pair, run, tmp_path):
     run(*new[:-1], made, *both).is_refused("a study that viewers took part in")
 
 
-def test_power_is_told(run):
-    found = run(
-        *("study", "power", "--share", 0.7, "--masters", 5, "--viewers", "5,12,24", "--json"),
-        *("--audiences", 200),
-    ).figures()
-    assert found["power"]["5"] == 0
-    assert found["power"]["12"] < found["power"]["24"]
-    assert found["enough"] == 24
-    assert found["each"] == 10
-
-
 def test_answers_have_no_gaps():
     with pytest.raises(ValueError, match="0, 1, 2"):
         Answers(study="x", viewer=1, answers=(Answer(trial=1, choice=1),))
-
-
-@pytest.mark.long
-def test_the_page_of_the_documents_does_what_it_says(monkeypatch, tmp_path):
-    """Its commands but `play`, which would wait for viewers; these are simulated."""
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "out" / "show").mkdir(parents=True)
-    colour = ColourTag("srgb", "BT.709", "test")
-    for number in (1, 2):
-        pixels = np.full((32, 32, 3), 0.02 * number, np.float32)
-        pixels[10:14, 12:20] = 0.8
-        path = tmp_path / "out" / "show" / f"orrery.{number:04}.exr"
-        write_frame(Frame(pixels, path, colour, 16, floating=True), path)
-    for words in commands("docs/audience.md"):
-        if words[2] == "play":
-            folder = tmp_path / words[3]
-            study = read_study(folder)
-            random = np.random.default_rng(0)
-            for number in range(1, 7):
-                one = attentive(study, number, [0.0, 0.5, 1.0], random)
-                path = folder / "answers" / f"viewer-{number:03}.json"
-                path.write_text(one.model_dump_json())
-        elif words[1] == "study":
-            assert exit_code(*words[1:]) == 0
-    assert (folder / "results.html").is_file()

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import http.server
 import json
 import socket
 import threading
 import time
 import urllib.error
 import urllib.request
-from contextlib import contextmanager
 
 import numpy as np
 import psutil
@@ -255,108 +253,13 @@ def test_another_sites_page_can_neither_read_nor_write(folder, address):
     assert said.startswith("HTTP/1.0 400")
     said = spoken(address, "GET / HTTP/1.1", f"Host: {own}", "Origin: http://rebound.example")
     assert said.startswith("HTTP/1.0 400")
+    # Tags of such a page ask without an origin: the browser keeps what comes from them
+    said = spoken(address, "GET / HTTP/1.1", f"Host: {own}")
+    for told in ("Resource-Policy: same-origin", "frame-ancestors 'none'", "nosniff"):
+        assert told in said
 
 
-READ = """async address => {
-    const text = async options => (await fetch(address + "answers/1", options)).text();
-    const tag = (name, place) => new Promise(done => {
-        const made = document.createElement(name);
-        made.onload = () => done(made.naturalWidth || "loaded");
-        made.onerror = () => done("");
-        made.src = address + place;
-        document.body.append(made);
-    });
-    const tried = what => what.catch(() => "");
-    const frame = document.createElement("iframe");
-    await new Promise(done => {
-        frame.onload = done;
-        frame.src = address;
-        document.body.append(frame);
-    });
-    return {
-        fetched: await tried(text({})),
-        "fetched without asking": await tried(text({mode: "no-cors"})),
-        picture: await tag("img", PICTURE),
-        framed: (frame.contentDocument || {title: ""}).title,
-    };
-}"""
-WRITE = """async ([address, answers]) => {
-    const send = (type, options) => fetch(address + "answers/1", {
-        method: "POST", body: answers, headers: {"Content-Type": type}, ...options
-    }).catch(() => "");
-    await send("application/json", {});
-    await send("text/plain", {mode: "no-cors"});
-    navigator.sendBeacon(address + "answers/1", answers);
-    const form = document.createElement("form");
-    const [name, value] = answers.split(/=(.*)/s);
-    Object.assign(form, {method: "post", action: address + "answers/1", enctype: "text/plain"});
-    form.append(Object.assign(document.createElement("input"), {name, value: value || ""}));
-    document.body.append(form);
-    form.submit();
-}"""
-
-
-@contextmanager
-def another_site():
-    """A page of another origin of this machine."""
-
-    class Page(http.server.BaseHTTPRequestHandler):
-        def do_GET(self):
-            self.send_response(200)
-            self.send_header("Content-Type", "text/html")
-            self.end_headers()
-            self.wfile.write(b"<!DOCTYPE html><title>another</title><body></body>")
-
-        def log_message(self, *_):
-            pass
-
-    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), Page) as running:
-        thread = threading.Thread(target=running.serve_forever, args=(0.05,))
-        thread.start()
-        yield f"http://127.0.0.1:{running.server_address[1]}/"
-        running.shutdown()
-        thread.join()
-
-
-@pytest.mark.parametrize("own", [False, True])
-def test_in_a_browser_only_the_studys_own_page_reads_and_writes(browser, folder, address, own):
-    """By all ways that a page has: the own page's requests show that they would do it."""
-    study = read_study(folder)
-    whole = attentive(study, 1, [0, 1], np.random.default_rng(0))
-    before = whole.model_copy(update={"answers": whole.answers[:5]})
-    path = folder / "answers" / "viewer-001.json"
-    path.write_text(before.model_dump_json())
-    picture = next((folder / "pictures").glob("*.png")).name
-    page = browser.new_page()
-    with another_site() as other:
-        page.goto(address if own else other)
-        read = page.evaluate(READ.replace("PICTURE", f'"pictures/{picture}"'), address)
-        page.evaluate(WRITE, [address, whole.model_dump_json()])
-        page.wait_for_timeout(300)
-        page.wait_for_load_state()
-    page.close()
-    (kept,) = read_answers(folder, study)
-    assert kept.answers == (whole if own else before).answers
-    if own:
-        assert before.study in read["fetched"]
-        assert read["picture"] == 20
-    else:
-        assert set(read.values()) == {""}
-
-
-def test_a_name_that_leads_to_this_machine_shows_no_page(browser, address):
-    """DNS rebinding: to the browser such a page and the study's are of one origin."""
-    rule = "--host-resolver-rules=MAP rebound.example 127.0.0.1"
-    kind = browser.browser_type
-    with kind.launch(executable_path=CHROMIUM, args=[*ARGUMENTS, rule]) as rebound:
-        page = rebound.new_page()
-        page.goto(address)
-        assert "STUDY" in page.content()
-        with pytest.raises(Error, match="ERR_HTTP_RESPONSE_CODE_FAILURE"):
-            page.goto(address.replace("127.0.0.1", "rebound.example"))
-
-
-@pytest.mark.parametrize("length", ["abc", "-1", "1e3", "٣", "9" * 30, "", "+5", "2, 2"])
+@pytest.mark.parametrize("length", ["-1", "٣", "9" * 30, ""])
 def test_a_length_that_is_none_is_refused(folder, address, capfd, length):
     own = address.removeprefix("http://").rstrip("/")
     post = ("POST /answers/1 HTTP/1.1", f"Host: {own}", f"Content-Length: {length}")

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import partial
-from itertools import cycle
 
 import numpy as np
 import pytest
 from mistakes import failed
 
 from compensate.aim import dome
-from domesim.scene import load_scene
 from validation import films
 from validation.experiment import Work
 from validation.experiments import flicker
@@ -65,35 +63,7 @@ def test_a_lift_in_steps_is_a_jump(fading, monkeypatch):
     assert max(flicker.fade(fading).jumps) > flicker.JUMP
 
 
-def test_a_lift_of_every_other_frame_changes_what_stands_still(fading, monkeypatch):
-    honest, times = dome._darkest, cycle((1.0, 1.5))
-    frames = partial(flicker.with_disc, partial(flicker._domemaster, 40), 4)
-    film = replace(fading, frames=frames)
-    steady = flicker.disc(film)
-    assert steady.standing == 0
-    assert steady.rough < flicker.STILL
-    monkeypatch.setattr(dome, "_darkest", lambda *of: next(times) * honest(*of))
-    shaken = flicker.disc(film)
-    assert shaken.standing > 0
-    assert shaken.rough > flicker.STILL
-
-
 # Films
-
-
-def test_a_fade_is_linear():
-    first, last = np.zeros((1, 2, 3, 3), np.float32), np.ones((1, 2, 3, 3), np.float32)
-    frames = list(films.faded(first, last, 5))
-    assert [float(frame.mean()) for frame in frames] == pytest.approx([0, 0.25, 0.5, 0.75, 1])
-    assert frames[0].dtype == np.float32
-
-
-def test_grey_lies_on_the_screen():
-    scene = load_scene("dome_hemisphere")
-    grey = films.even_grey(np.zeros((1, 16, 16, 3), np.float32), scene, 0.1)
-    on = scene.screen(16, 16)
-    assert np.all(grey[0, on] == np.float32(0.1))
-    assert np.all(grey[0, ~on] == 0)
 
 
 def test_a_disc_moves_before_both_eyes():
@@ -112,17 +82,3 @@ def test_a_disc_moves_before_both_eyes():
 
 
 # Measures
-
-
-def test_a_jump_is_told_over_the_slope_around():
-    levels = np.linspace(0, 2, 21)
-    levels[12:] += 0.1  # twice the step of 0.1
-    found = flicker.jumps(levels)
-    assert found.argmax() == 11
-    assert found.max() == pytest.approx(2)
-    assert np.median(found) == pytest.approx(1)
-
-
-def test_a_bend_is_no_slope():
-    assert flicker.bend([0.0, 1.0, 2.0, 3.0]) == 0
-    assert flicker.bend([0.0, 1.0, 3.0, 4.0]) == 1

@@ -16,7 +16,6 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike
 
-from compensate.own import own_problem
 from compensate.pose import pose
 from compensate.solver.accelerated import Accelerated
 from compensate.solver.admm import ADMM
@@ -342,10 +341,3 @@ def test_the_panel_is_asked_at_the_top():
             for pictures in ((LIGHT, wrong), (wrong, LIGHT)):
                 with pytest.raises(InputError):
                     judge(*pictures, SCENE, by=["Delta E ITP"])
-
-
-def test_problems_refuse_wrong_light():
-    problem = own_problem(LIGHT, SCENE)
-    for wrong in ("text", "complex", "cut"):
-        with pytest.raises(InputError):
-            problem.observation.observe(wrongs(LIGHT)[wrong])

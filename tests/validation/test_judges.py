@@ -2,34 +2,18 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from compensate.vision.colorvideovdp import library
 from domesim.scene import load_scene
-from testing.masters import night
 from validation import judges
-from validation.experiment import Missing, Work
+from validation.experiment import Work
 from validation.experiments import wrong_model
 
 SCENE = load_scene("dome_hemisphere")
 SIZE = 96
-
-
-@pytest.fixture(params=["flip", "colorvideovdp"])
-def badness(request):
-    """A judge's distance of two pictures: 0 is the same."""
-    if request.param == "flip":
-        pytest.importorskip("flip_evaluator")
-        return lambda first, second: judges.flip(first, second, SCENE)
-    try:
-        judges.colorvideovdp(even(0.1), even(0.1), SCENE)
-    except Missing as reason:
-        pytest.skip(str(reason))
-    return lambda first, second: 10 - judges.colorvideovdp(first, second, SCENE)
 
 
 def even(light, size=SIZE):
@@ -69,45 +53,6 @@ def test_flip_counts_a_pixel_by_its_area():
         return judges.flip(even(0.2), light, SCENE)
 
     assert patch(1) / patch(44) == pytest.approx(0.7, abs=0.03)
-
-
-def test_the_same_is_the_same(badness):
-    assert badness(night(SIZE), night(SIZE)) == pytest.approx(0, abs=1e-4)
-
-
-def test_the_more_veil_the_worse(badness):
-    master = night(SIZE)
-    found = [badness(master, master + np.float32(veil)) for veil in (0.003, 0.01, 0.03, 0.1)]
-    assert np.all(np.diff(found) > 0)
-    assert found[0] > 0
-
-
-def test_what_is_off_the_screen_does_not_count(badness):
-    master = night(SIZE)
-    other = np.where(SCENE.dome.inside(SIZE, SIZE)[..., None], master, np.float32(0.7))
-    assert badness(other, master) == pytest.approx(0, abs=1e-4)
-
-
-def test_colours_count(badness):
-    """The same luminance in another hue."""
-    other = even(0.2) * np.array([1.5, 1, 0.0], np.float32)
-    other *= np.float32(0.2 / (other[0, 0, 0] @ SCENE.projector.luminance_weights))
-    assert badness(even(0.2), other) > 0.1
-
-
-def test_pictures_of_other_sizes_are_refused(badness):
-    with pytest.raises(ValueError, match=r"takes \(view, row, col, primary\)"):
-        badness(even(0.2), even(0.2, 8))
-
-
-@pytest.mark.parametrize(
-    ("judge", "package"), [("flip", "flip_evaluator"), ("colorvideovdp", "torch")]
-)
-def test_a_missing_judge_says_how_to_get_it(monkeypatch, judge, package):
-    library.cache_clear()
-    monkeypatch.setitem(sys.modules, package, None)
-    with pytest.raises(Missing, match=r"pip install 'domesim\[metrics\]'"):
-        getattr(judges, judge)(even(0.2), even(0.3), SCENE)
 
 
 def test_the_noise_of_residuals_is_no_error():
@@ -164,14 +109,3 @@ def test_compensation_for_nothing_would_be_noticed(found):
         "x: error of the tabulated prediction, over the mean added light",
         "x: FLIP, closed form over uncompensated",
     }
-
-
-def test_a_tabulation_that_does_harm_would_be_noticed(found):
-    _, outcome = found
-    swapped = outcome.seen | {"tabulated": outcome.seen["untouched"]}
-    failed = [
-        check.what
-        for check in wrong_model._checks("x", replace(outcome, seen=swapped))
-        if not check.passed
-    ]
-    assert failed == ["x: quality lost, tabulated less closed form"]

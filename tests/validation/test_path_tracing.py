@@ -74,21 +74,3 @@ def test_light_is_not_made():
     given = 1 / np.array([0.9, 0.5, 0.1])
     np.testing.assert_allclose(absorbed, given, rtol=2e-3)
     assert bounce_limit(tracer.room, 1e-7) > 100
-
-
-def test_the_closed_form_is_told_beside_what_many_walks_find(capsys):
-    reflection.main(2e5)
-    backend_line, head, *lines = capsys.readouterr().out.splitlines()
-    assert "Path tracing with" in backend_line
-    assert head.split()[:3] == ["half-angle", "albedo", "walks"]
-    assert len(lines) == len(reflection.CAPS)
-    for line, (half_angle, albedo) in zip(lines, reflection.CAPS, strict=True):
-        angle, rho, walks, found, truth, error, z, _ = line.split()
-        assert (angle, float(rho)) == (f"{half_angle:g}°", albedo)
-        assert float(walks) == pytest.approx(2e5, rel=0.02)
-        # Of a white cap q of the light comes back, bounce after bounce.
-        q = albedo * (1 - np.cos(np.radians(half_angle))) / 2
-        assert float(truth) == pytest.approx(q / (1 - q), abs=1e-6)
-        assert 0 < float(error) < 5e-3 * float(truth)
-        assert float(z) == pytest.approx((float(found) - float(truth)) / float(error), abs=0.1)
-        assert abs(float(z)) < 4

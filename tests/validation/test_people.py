@@ -12,7 +12,7 @@ import pytest
 
 from compensate.ruler import PEOPLE, PEOPLE_SAY, agreeing
 from validation import data
-from validation.experiment import Missing, Work
+from validation.experiment import Work
 from validation.experiments import people
 from validation.experiments.people import (
     JUDGES,
@@ -104,12 +104,6 @@ def test_people_who_follow_another_rule_are_not_as_expected(
     assert "'physical' predicts" in finding.result
     table = finding.tables[0]
     assert [row[2] for row in table.rows] == [4] * 6
-
-
-def test_without_the_data_nothing_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv(data.FOLDER, str(tmp_path))
-    with pytest.raises(Missing, match=data.FOLDER):
-        run(Work())
 
 
 def _there() -> bool:

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import get_args
 
 import pytest
-from documented import commands, play
+from documented import play
 from pydantic import BaseModel
 
 from compensate.methods import STEREO
@@ -46,10 +46,6 @@ def run(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
 
 def test_it_is_short():
     assert len(README.split()) <= 900
-
-
-def test_there_are_commands():
-    assert len(commands("README.md")) >= 10
 
 
 @pytest.mark.long

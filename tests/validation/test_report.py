@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import pkgutil
-import re
 import subprocess
 import sys
 import time
@@ -127,37 +126,6 @@ def test_what_was_not_judged_is_not_as_expected(stubs, tmp_path):
     assert "met the limits" not in page
 
 
-def test_figures_are_written_for_a_paper(stubs, tmp_path):
-    stubs[NAMES[2]].raises = Missing("needs a moon")
-    done = run(tmp_path / "run")
-    names = {path.name for path in report.write_figures(done, tmp_path / "figures")}
-    first = NAMES[0]
-    assert names == {path.name for path in (tmp_path / "figures").iterdir() if path.suffix}
-    assert len(names) == 8
-    assert (tmp_path / "figures" / f"{first}-plot-1.pdf").read_bytes().startswith(b"%PDF")
-    assert "<svg" in (tmp_path / "figures" / f"{first}-plot-1.svg").read_text()
-    read = (tmp_path / "figures" / f"{first}-plot-1.csv").read_text()
-    assert read == "series,x,y\n1,0,1\n1,1,2\n"
-    assert (tmp_path / "figures" / f"{first}-table-1.csv").read_text() == (
-        f'what,"much, m"\n{"a" * 30},1.0\nb,\n'
-    )
-
-
-def test_data_of_a_plot_are_lines_points_and_bars():
-    def draw(axes):
-        axes.plot([1, 2], [3, 4], label="line")
-        axes.scatter([5], [6], label="points")
-        axes.barh([0, 1], [7, 8], label="bars")
-        axes.fill_between([0, 1], [0, 0], [1, 1])
-        axes.set(xlabel="length, m")
-
-    rows = plot("A plot.", "All kinds.", draw).data.splitlines()
-    assert rows == [
-        'series,"length, m"' + ",y",
-        *("line,1,3", "line,2,4", "points,5,6", "bars,7,0", "bars,8,1"),
-    ]
-
-
 def test_every_module_is_listed_and_says_what_it_claims():
     modules = {module.name for module in pkgutil.iter_modules(experiments.__path__)}
     assert modules == set(experiments.EXPERIMENTS)
@@ -277,22 +245,6 @@ def test_a_program_that_changes_is_noticed(tmp_path, stubs, monkeypatch):
         run(tmp_path)
 
 
-def test_a_selection_is_called_one(tmp_path, stubs):
-    run(tmp_path)
-    page = (tmp_path / "report.html").read_text()
-    assert f"A selection: 3 of {len(experiments.EXPERIMENTS)} experiments" in page
-    assert f"--only {','.join(NAMES)}" in page
-
-
-def test_nothing_that_ran_is_not_green(tmp_path, stubs):
-    for name in NAMES:
-        stubs[name].raises = Missing("needs a telescope")
-    run(tmp_path)
-    page = (tmp_path / "report.html").read_text()
-    assert "Nothing could be run here" in page
-    assert 'class="verdict good"' not in page
-
-
 def test_there_is_something_to_fail():
     with pytest.raises(ValueError, match="needs a bound"):
         Check(what="x", found=1.0)
@@ -300,21 +252,6 @@ def test_there_is_something_to_fail():
         at_most("x", 1.0, float("nan"))
     with pytest.raises(ValueError, match="checks"):
         Finding(result="Fine.", checks=())
-
-
-def test_infinite_figures_are_kept(tmp_path):
-    for _ in range(2):
-        work = Work(store=tmp_path)
-        assert work.step("far", tuple[float, float], lambda: (float("inf"), 1.0))[0] > 1e300
-    (tmp_path / next(tmp_path.glob("*.json")).name).read_text().index("Infinity")
-    assert Work(store=tmp_path).step("far", tuple[float, float], lambda: (0.0, 0.0))[0] > 1e300
-
-
-def test_two_steps_of_one_name_are_a_mistake():
-    work = Work()
-    work.step("a", float, lambda: 1.0)
-    with pytest.raises(ValueError, match="two steps are called 'a'"):
-        work.step("a", float, lambda: 2.0)
 
 
 def test_steps_have_files_of_their_own(tmp_path):
@@ -376,28 +313,20 @@ def test_a_real_run_survives_a_kill(tmp_path):
 # ------------------------------------------------------------------------------ in the browser
 
 
-@pytest.mark.parametrize("width", [1200, 390])
-def test_the_page_can_be_read_at_any_width(tmp_path, stubs, browser, width):
+def test_the_page_can_be_read_at_any_width(tmp_path, stubs, browser):
     stubs[NAMES[1]].found = 3.0
     stubs[NAMES[2]].raises = Missing("needs a telescope")
     run(tmp_path)
-    page = browser.new_page(viewport={"width": width, "height": 800})
+    page = browser.new_page(viewport={"width": 390, "height": 800})
     requests: list[str] = []
     page.on("request", lambda request: requests.append(request.url))
     page.goto((tmp_path / "report.html").as_uri())
-    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    assert page.evaluate("document.documentElement.scrollWidth") <= 390
     assert [url for url in requests if not url.startswith(("file:", "data:"))] == []
-    loaded = "[...document.images].every(i => i.loading == 'lazy' || i.naturalWidth > 0)"
-    assert page.evaluate(loaded)
-    assert page.evaluate("[...document.images].every(i => i.alt)")
     red = page.locator("article.not-as-expected")
     assert red.count() == 1
     assert red.locator("tr.failed").inner_text().split()[:3] == ["the", "figure", "3"]
     assert red.locator("details.checks").get_attribute("open") is not None
-    colour = red.locator(".badge").evaluate("e => getComputedStyle(e).backgroundColor")
-    r, g, b = map(int, re.findall(r"\d+", colour))
-    assert r > 150
-    assert max(g, b) < 80
     assert "needs a telescope" in page.locator("article.not-run").inner_text().lower()
     assert "<second>" in red.inner_text()
     page.close()

@@ -76,32 +76,10 @@ def test_the_interval_leaves_a_fortieth_on_either_side():
     assert tails == pytest.approx([0.025, 0.025], rel=1e-9)
 
 
-def test_holm_by_hand():
-    # 4 x 0.005; 3 x 0.01; 2 x 0.03; and 0.04, no less than the one before
-    assert holm([0.01, 0.04, 0.03, 0.005]) == pytest.approx([0.03, 0.06, 0.06, 0.02])
-    assert holm([0.9, 0.6]) == pytest.approx([1, 1])
-
-
 def test_holm_is_statsmodels():
     p = np.random.default_rng(2).random((5, 6)) ** 3
     for row, adjusted in zip(p, holm(p), strict=True):
         assert adjusted == pytest.approx(multipletests(row, method="holm")[1])
-
-
-def test_pairs_are_corrected_for_their_number():
-    # Alone each is significant: 15 of 20
-    study = analyse([[0, 15, 15], [5, 0, 15], [5, 5, 0]], "abc")
-    assert all(pair.p < 0.05 < pair.adjusted == 3 * pair.p for pair in study.pairs)
-    assert not any(pair.significant for pair in study.pairs)
-    assert all(p.significant for p in analyse(study_wins(study), "abc", false_alarm=0.2).pairs)
-
-
-def study_wins(study):
-    wins = np.zeros((len(study.names),) * 2, int)
-    for pair in study.pairs:
-        i, j = study.names.index(pair.first), study.names.index(pair.second)
-        wins[i, j], wins[j, i] = pair.wins, pair.trials - pair.wins
-    return wins
 
 
 def test_significant_pairs_are_false_alarms_as_rarely_as_promised():
@@ -112,18 +90,6 @@ def test_significant_pairs_are_false_alarms_as_rarely_as_promised():
         for _ in range(80)
     )
     assert alarms <= 80 * 0.05 + 4 * math.sqrt(80 * 0.05)
-
-
-def test_pairs_that_never_met_are_left_out():
-    study = analyse(simulated(np.random.default_rng(1)), NAMES)
-    assert [(p.first, p.second) for p in study.pairs] == [
-        ("a", "b"),
-        ("a", "c"),
-        ("b", "c"),
-        ("b", "d"),
-        ("c", "d"),
-    ]
-    assert (study_wins(study) == simulated(np.random.default_rng(1))).all()
 
 
 # Scale
@@ -170,28 +136,10 @@ def test_the_scale_recovers_what_was_simulated():
     assert calibration(norm.ppf([misfit.p for misfit in misfits])) > FALSE_ALARM
 
 
-def test_the_first_condition_is_the_reference():
-    wins, order = simulated(np.random.default_rng(3)), [2, 0, 3, 1]
-    scale, other = scale_of(wins), scale_of(wins[np.ix_(order, order)])
-    values = np.array(scale.values)[order]
-    assert other.values == pytest.approx(values - values[0])
-    assert other.errors[1] == pytest.approx(scale.errors[2])
-    assert other.misfit.statistic == pytest.approx(scale.misfit.statistic)
-
-
-def test_circles_do_not_fit_a_scale():
-    scale = scale_of([[0, 30, 10], [10, 0, 30], [30, 10, 0]])
-    assert scale.values == pytest.approx((0, 0, 0))
-    assert scale.misfit.freedom == 1
-    assert scale.misfit.p < 1e-6
-
-
 @pytest.mark.parametrize(
     ("wins", "reason"),
     [
-        ([[0, 9], [0, 0]], "nobody preferred b to a,"),
         ([[0, 0, 3], [7, 0, 5], [4, 0, 0]], "nobody preferred a or c to b,"),
-        ([[0, 4, 0], [3, 0, 0], [6, 5, 0]], "nobody preferred a or b to c,"),
         ([[0, 4, 6], [3, 0, 5], [0, 0, 0]], "nobody preferred c to a or b,"),
     ],
 )
@@ -237,17 +185,9 @@ def test_equality_is_calibrated_and_pearsons_statistic_is_not():
     ("wins", "names", "words"),
     [
         ([[0, 3], [-1, 0]], "ab", "counts: 0, 1, 2, ..., got -1"),
-        ([[0, 2.5], [1, 0]], "ab", "got 2.5"),
         ([[0, math.nan], [1, 0]], "ab", "got nan"),
-        ([[0, math.inf], [1, 0]], "ab", "got inf"),
-        ([[0, 1e300], [1, 0]], "ab", "got 1e"),
         ([[0, 3, 1], [2, 0, 1]], "ab", r"shape \(2, 3\)"),
-        ([0, 3], "ab", r"shape \(2,\)"),
-        ([[0]], "a", "2 or more"),
-        ([[0, 3], [1]], "ab", "square table"),
-        ([["x", "y"], ["z", "x"]], "ab", "square table"),
         ([[4, 3], [1, 0]], "ab", "diagonal"),
-        ([[0, 3], [1, 0]], "abc", "2 conditions, got 3 names"),
         ([[0, 3], [1, 0]], "aa", "own name"),
         ([[0, 0], [0, 0]], "ab", "no trial compares a with b"),
         ([[0, 3, 0, 0], [1, 0, 0, 0], [0, 0, 0, 5], [0, 0, 2, 0]], "abcd", "a or b with c or d"),
@@ -256,12 +196,6 @@ def test_equality_is_calibrated_and_pearsons_statistic_is_not():
 def test_bad_counts_are_refused(wins, names, words):
     with pytest.raises(InputError, match=words):
         analyse(wins, names)
-
-
-@pytest.mark.parametrize("false_alarm", [0.0, 1.0, -1, math.nan])
-def test_impossible_false_alarms_are_refused(false_alarm):
-    with pytest.raises(InputError, match="false_alarm"):
-        analyse([[0, 3], [1, 0]], "ab", false_alarm=false_alarm)
 
 
 def test_what_is_missing_is_said(monkeypatch):
@@ -310,38 +244,6 @@ def test_three_pairs_add_up(each):
     assert set(found) == tables
 
 
-def test_four_conditions_keep_to_what_pairs_allow():
-    """No two of four can lose more than what they meet the others for."""
-    trials, found = 6, set()
-    for winners in np.ndindex(*(2,) * 6):
-        wins = np.zeros(4, int)
-        pairs = [(i, j) for i in range(4) for j in range(i)]
-        for pair, winner in zip(pairs, winners, strict=True):
-            wins[pair[winner]] += 1
-        found.add(tuple(wins.tolist()))
-    listed = {
-        tuple(wins)
-        for chi2 in {sum((w - 1.5) ** 2 for w in wins) / 1.5 for wins in found} | {6.0, 7.0}
-        for wins in totals_from_chi2(4, trials, chi2, digits=6).tolist()
-    }
-    assert listed == found
-
-
-@pytest.mark.parametrize(
-    ("conditions", "trials", "words"),
-    [(1, 5, "1 conditions"), (3, 100, "got 100"), (3, 0, "got 0"), (4, 6000, "too many")],
-)
-def test_impossible_designs_are_refused(conditions, trials, words):
-    with pytest.raises(InputError, match=words):
-        totals_from_chi2(conditions, trials, 1.0, digits=1)
-
-
-@pytest.mark.parametrize("totals", [(1, 2), (1, 1, 2), (1, 1, 1, 3)])
-def test_impossible_totals_are_refused(totals):
-    with pytest.raises(InputError, match="three wins"):
-        wins_from_totals(totals)
-
-
 # The paper's study
 
 
@@ -366,23 +268,3 @@ def test_the_reconstructed_studies_have_the_papers_chi2(stills):
         assert round(study.pearson, 1) == 283.0
         assert study.equality.statistic == pytest.approx(study.pearson * 4 / 3)
         assert all(pair.trials == 320 for pair in study.pairs)
-
-
-def test_only_what_wins_most_is_preferred_to_both(stills):
-    assert {totals.perceptual_won for totals in stills.totals if totals.concluded} == {True}
-
-
-def test_extreme_outcomes_are_what_they_are_called(stills):
-    cases = stills.cases
-    beats_both = {
-        name: all(pair.significant and pair.share > 0.5 for pair in study.pairs[:2])
-        for name, study in cases.items()
-    }
-    assert list(beats_both.values()) == [False, True, True]
-    weaker = [min(pair.wins for pair in study.pairs[:2]) for study in cases.values()]
-    assert weaker == sorted(weaker)
-
-
-def test_stored_steps_are_read_back(finding, tmp_path):
-    for _ in range(2):
-        assert user_study.run(Work(store=tmp_path)) == finding
