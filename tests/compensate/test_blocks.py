@@ -73,6 +73,13 @@ def test_what_is_off_the_screen_does_not_count():
     np.testing.assert_allclose(found, edge_preserving(plane * screen, screen, 2, 0.5)[:, :4])
 
 
+@pytest.mark.parametrize("edge", [0.3, 2.0])
+def test_texture_as_strong_as_an_edge_keeps_half_of_it(edge):
+    board = edge * (-1.0) ** np.indices((32, 32)).sum(0)
+    found = edge_preserving(board, np.ones((32, 32), bool), 6, edge)
+    np.testing.assert_allclose(found, board / 2, atol=0.03 * edge)
+
+
 def test_a_guided_mean_of_blocks_is_nearly_that_of_pixels():
     rows, cols = np.mgrid[:96, :96]
     screen = np.hypot(rows - 48, cols - 48) < 46

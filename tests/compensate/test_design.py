@@ -101,16 +101,6 @@ def test_crosstalk_of_a_pair(name: str) -> None:
     assert half["polarisation"]["roughness"] == told["polarisation"]["roughness"]
 
 
-def test_a_room_of_floor_and_wall_is_known() -> None:
-    floor = {**DOME, "floor": {"height_m": -2.0, "albedo": 0.3}}
-    bare, known = (theatre(each, trace=False) for each in (DOME, floor))
-    assert isinstance(bare, DomeScene)
-    assert isinstance(known, DomeScene)
-    assert bare.transport is None
-    assert known.transport is not None
-    assert known.approximation is None
-
-
 @pytest.mark.long
 def test_furniture_is_known_to_a_traced_room_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(design, "TRACED_ERROR", 0.2)
@@ -194,4 +184,3 @@ def test_the_command_says_what_it_costs(run: Run, tmp_path: Path) -> None:
     assert f"white {share:.0%} of today's" in said
     assert "<svg" in out.read_text()
     run(*arguments, "--quality", "-1").is_refused("--quality must be above 0")
-    run(*arguments, "--out", tmp_path / "plot.txt").is_refused("the plot is an .svg")

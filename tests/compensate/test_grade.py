@@ -22,7 +22,7 @@ from domesim.light.planes import planes_of
 from domesim.light.rounding import ROUNDING
 from domesim.observation.projector import conversion
 from domesim.scene import load_scene
-from domesim.scene.screening import decoded, encoded, within_range
+from domesim.scene.screening import decoded, encoded
 
 ROWS, COLS = 36, 64
 HALF = COLS // 2
@@ -277,17 +277,11 @@ def film_of(path: Path, codec: str, pixels: str, views: np.ndarray) -> Path:
     return path
 
 
-@pytest.mark.parametrize(
-    ("suffix", "codec", "pixels"),
-    [(".mov", "prores_ks", "yuv444p10le"), (".mkv", "ffv1", "gbrp16le")],
-)
-def test_films_without_crosstalk_are_those_that_are_left_alone(
-    run: Run, tmp_path: Path, suffix: str, codec: str, pixels: str
-) -> None:
+def test_films_without_crosstalk_are_those_that_are_left_alone(run: Run, tmp_path: Path) -> None:
     pytest.importorskip("av")
     ramp = np.broadcast_to(np.linspace(0, 1, COLS)[None, None, :, None], (2, ROWS, COLS, 3))
     films = [
-        film_of(tmp_path / f"{eye}{suffix}", codec, pixels, view)
+        film_of(tmp_path / f"{eye}.mov", "prores_ks", "yuv444p10le", view)
         for eye, view in (("l", ramp), ("r", 0 * ramp))
     ]
     found = {}
@@ -295,7 +289,7 @@ def test_films_without_crosstalk_are_those_that_are_left_alone(
         folder = tmp_path / method
         result = run(
             "compensate", "--left", films[0], "--right", films[1], "--encoding", "srgb",
-            "--scene", scene_file(tmp_path), "--method", method, "--format", suffix[1:],
+            "--scene", scene_file(tmp_path), "--method", method, "--format", "mov",
             "--dither", "none", "--as-given", "--workers", 0, "--out", folder, "--json",
         )  # fmt: skip
         film = next(Path(each) for each in result.figures()["films"] if "l" in Path(each).stem)
@@ -375,19 +369,6 @@ def test_highlights_are_told_and_stay(run: Run, tmp_path: Path, out: Path) -> No
     np.testing.assert_allclose(found[HALF + 5], 4 - leak, atol=1e-4)
 
 
-def test_light_that_does_not_change_is_what_rounding_is(tmp_path: Path) -> None:
-    scene = load_scene(STEREO)
-    files = [
-        store(tmp_path / f"{eye}.exr", view) for eye, view in zip("lr", pictures(), strict=True)
-    ]
-    master = read_master(files, colour=LINEAR)
-    light, share = within_range(decoded(master, scene), scene.screen(ROWS, COLS))
-    assert share == 0
-    posed = Stage(scene).pose(light)
-    apart = np.abs(solved(posed, "subtractive").light - light)[0, :, :HALF]
-    assert apart.max() < ROUNDING / 4
-
-
 # What is said
 
 
@@ -400,26 +381,16 @@ def test_every_report_says_which(run: Run, tmp_path: Path, choice: str, words: s
     told = f"black of 0.0095 cd/m² {words} (--black {choice})"
     chosen = () if choice == "kept" else ("--black", choice)
     numbered = [str(each).replace("0001", "####") for each in arguments]
-    scene = scene_file(tmp_path)
-    found = {}
-    for command in ("observe", "compensate", "predict"):
-        folder = tmp_path / command
-        how = (*numbered, "--as-given", "--scene", scene, *chosen, "--workers", 0, "--out", folder)
-        said = run(command, *how)
-        assert said.code == 0
-        assert f"rig: {told}" in said.out
-        assert f"<p>rig: {told}.</p>" in (folder / "job" / "report.html").read_text()
-        found[command] = run(command, *how, "--json").figures()
-        assert found[command]["black"] == choice
-    (frame,) = found["observe"]["frames"]
+    scene, folder = scene_file(tmp_path), tmp_path / "seen"
+    how = (*numbered, "--as-given", "--scene", scene, *chosen, "--workers", 0, "--out", folder)
+    assert f"rig: {told}" in run("observe", *how).out
+    assert f"<p>rig: {told}.</p>" in (folder / "job" / "report.html").read_text()
+    found = run("observe", *how, "--json").figures()
+    assert found["black"] == choice
+    (frame,) = found["frames"]
     polluted = frame["pollution_cd_m2"]
     assert polluted == pytest.approx(ghosts_of(arguments) + (0.0095 if chosen else 0), rel=1e-3)
-    page = tmp_path / "page.html"
-    single = ("compare", *arguments, "--scene", scene, *chosen, "--out", page)
-    assert run(*single).code == 0
-    assert told in page.read_text()
-    card = run("report-card", scene, *arguments, *chosen)
-    assert told in card.out
+    assert told in run("report-card", scene, *arguments, *chosen).out
 
 
 def ghosts_of(arguments: tuple[Any, ...]) -> float:
@@ -445,12 +416,9 @@ def test_a_weighting_of_ones_own_keeps_black_too() -> None:
 @pytest.mark.parametrize("kind", [np.float32, np.float64])
 def test_encoding_leaves_the_light_that_it_is_given(tmp_path: Path, kind: type) -> None:
     """A linear master in the scene's own primaries: its codes are light, perhaps in one array."""
-    master = read_master(
-        [
-            _frame(tmp_path / f"{eye}.exr", np.random.default_rng(k).random((ROWS, COLS, 3)))
-            for k, eye in enumerate("LR")
-        ]
-    )
+    views = np.random.default_rng(0).random((2, ROWS, COLS, 3), np.float32)
+    files = [store(tmp_path / f"{eye}.exr", view) for eye, view in zip("LR", views, strict=True)]
+    master = read_master(files)
     scene = load_scene("stereo_polarised_paper")
     own = decoded(master, scene)
     # Within rounding of the master's, but not the same: codes are the master's, light stays
@@ -463,9 +431,3 @@ def test_encoding_leaves_the_light_that_it_is_given(tmp_path: Path, kind: type) 
     assert (result.pixels[1] == master.pixels[1]).all()
     assert (result.pixels[0, 4:] == master.pixels[0, 4:]).all()
     assert (result.pixels[0, :4] != master.pixels[0, :4]).all()
-
-
-def _frame(path: Path, light: np.ndarray) -> Path:
-    linear = ColourTag("linear", "BT.709", "test")
-    write_frame(Frame(light.astype(np.float32), path, linear, 32, floating=True), path)
-    return path

@@ -18,12 +18,10 @@ from compensate.commands.aiming import Aiming
 from compensate.figures import Appraisal
 from compensate.master import compensate
 from compensate.methods import COMMON as METHODS
-from compensate.pose import Stage, pose
+from compensate.pose import pose
 from compensate.solver.accelerated import Accelerated
 from compensate.solver.admm import ADMM
-from compensate.solver.baselines import Subtractive
 from compensate.solver.result import Status
-from compensate.weighting import PerceptualWeighting
 from domesim.errors import InputError
 from domesim.frames import (
     ColourTag,
@@ -92,15 +90,6 @@ def test_what_is_projected_is_what_the_solver_found(scene):
     assert shown[0][screen] == pytest.approx(outcome.light[0][screen], abs=2e-5)
 
 
-def test_any_solver_may_be_given(scene):
-    light = decoded(frame(64), scene)
-    posed = pose(light, scene)
-    result = compensate(light, scene, solver=Subtractive())
-    on = posed.screen
-    assert result.light[:, on] == pytest.approx(posed.subtractive[:, on], abs=1e-6)
-    assert compensate(light, scene, weighting=PerceptualWeighting()).cost < result.cost
-
-
 @pytest.mark.parametrize("value", [-0.1, 1.1, np.nan, np.inf])
 def test_light_out_of_range_is_refused_on_the_screen_only(scene, value):
     light = np.full((1, 16, 16, 3), 0.5)
@@ -124,15 +113,6 @@ def test_highlights_are_clipped_and_counted(scene):
     assert outcome.frame.pixels[0, screen].max() <= 1
 
 
-def test_the_frame_need_not_be_stereo_or_square(scene):
-    with pytest.raises(InputError, match="a domemaster is square, got 64 x 32"):
-        compensate_frame(
-            Master((Frame(frame(64).pixels[0, :32], Path("wide.png"), SRGB, 8, False),)), scene
-        )
-    with pytest.raises(ValueError, match="view, row, col, primary"):
-        compensate(np.zeros((16, 16, 3)), scene)
-
-
 @pytest.mark.long
 @needs_data
 def test_a_2k_frame_within_3_gib_unchanged_off_the_screen(tmp_path):
@@ -152,15 +132,6 @@ def test_a_2k_frame_within_3_gib_unchanged_off_the_screen(tmp_path):
     assert (was != now).any()
     assert now.min() >= 0
     assert now.max() <= 1
-
-
-def test_a_frame_is_posed_as_its_light_is(scene):
-    posed, out_of_range = Stage(scene).pose_frame(frame(64))
-    assert out_of_range == 0
-    light = decoded(frame(64), scene)
-    assert light[:, ~posed.screen].any()
-    light[:, ~posed.screen] = 0  # that nobody sees
-    assert posed.problem.desired == pytest.approx(light)
 
 
 def test_what_a_file_cannot_hold_is_told(scene):
@@ -196,9 +167,7 @@ def test_a_jpeg_changes_off_the_screen_by_its_own_rounding_only(scene, tmp_path)
     assert change.max() <= 5
 
 
-@pytest.mark.parametrize(
-    ("half_angle", "albedo"), [(60, 0.3), (90, 0.5), (90, 0.9), (120, 0.8), (150, 0.9), (170, 0.95)]
-)
+@pytest.mark.parametrize(("half_angle", "albedo"), [(60, 0.3), (90, 0.9), (170, 0.95)])
 def test_every_dome_is_certified_within_a_hundred_iterations(half_angle, albedo):
     scene = load_scene("dome_hemisphere")
     dome = replace(scene.dome, half_angle=np.radians(half_angle))

@@ -10,7 +10,6 @@ from scipy.ndimage import gaussian_filter
 
 from compensate import ruler
 from compensate.plain import POINT, PlainFigures, PlainRuler, of_colours
-from compensate.ruler import NO_DIFFERENCE, compared
 from compensate.vision.castle import ACHROMATIC, castle
 from domesim.inspection.magnitudes import faintest_star
 from domesim.light import Light
@@ -186,12 +185,6 @@ def test_large_pictures_are_averaged_but_for_stars(monkeypatch: pytest.MonkeyPat
     assert found.contrast_coarse == pytest.approx(half.contrast_coarse, rel=1e-4)
 
 
-def test_small_differences_are_none() -> None:
-    assert compared(0.3, 0.3 + 0.9 * NO_DIFFERENCE) == "no different from"
-    assert compared(0.3, 0.3 + 1.1 * NO_DIFFERENCE) == "better than"
-    assert compared(0.3, 0.3 - 1.1 * NO_DIFFERENCE) == "worse than"
-
-
 @pytest.mark.parametrize("chart", ["ten stars", "magnitudes"])
 def test_a_veil_takes_the_faint_stars(chart: str) -> None:
     """Of the master, and the more light lies over it, the fewer."""
@@ -227,11 +220,3 @@ def test_the_faintest_star_by_hand() -> None:
     assert figures(spread, spread, DOME).faintest_star == pytest.approx(
         faintest_star(sky, 2 * area).crumey, abs=0.02
     )
-
-
-def test_stars_without_light_are_not_seen() -> None:
-    light = np.full((1, SIZE, SIZE, 3), 0.004, np.float32)
-    light[:, 100:260:20, 100:260:20] = 0.1
-    found = figures(light, np.full_like(light, 0.004), DOME)
-    assert found.sky is not None
-    assert found.faintest_star is None

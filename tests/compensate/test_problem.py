@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from theatres import closed_form, picture, problem, weighting
+from theatres import picture, problem
 
-from compensate.problem import Problem
 from testing.dense import dense
 
 
@@ -42,16 +41,3 @@ def test_frozen_pollution_has_the_true_cost_where_it_was_frozen():
     frozen = posed.frozen(start)
     assert frozen.cost(start) == pytest.approx(posed.cost(start), rel=1e-12)
     assert np.abs(frozen.gradient(start) - posed.gradient(start)).max() > 1e-6
-
-
-def test_mistakes_are_refused():
-    observation, light = closed_form(7), picture(7)
-    lambda_ = weighting(observation.screen)
-    with pytest.raises(ValueError, match="desired light"):
-        Problem(observation, lambda_, light[0])
-    with pytest.raises(ValueError, match="weighting takes"):
-        Problem(observation, weighting(np.ones((5, 5), bool)), light)
-    with pytest.raises(ValueError, match="above its upper"):
-        Problem(observation, lambda_, light, (0.6, 0.5))
-    with pytest.raises(ValueError, match="anchor"):
-        Problem(observation, lambda_, light, regularisation=0.1)

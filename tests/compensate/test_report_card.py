@@ -61,8 +61,3 @@ def test_a_pair_is_told_of(run, tmp_path):
     assert found["pair"]["viewer_crosstalk"]["share_above_10"] > 0.01
     assert 0 < found["pair"]["clipped"] < 1
     assert found["crosstalk"]["left"]["system"] == pytest.approx(0.011, abs=1e-3)
-
-
-def test_mistakes_are_one_line(run):
-    run("report-card", "dome_imax").is_refused("a flat screen, got a dome", "scene check")
-    run("report-card", SCENE, "--left", "a.png").is_refused("wanted --left and --right")

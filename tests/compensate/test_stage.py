@@ -7,8 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from compensated import compensate_frame
-from pairs import pair
+from pairs import COLOURED, pair
 
 from compensate import aim
 from compensate.figures import Appraisal
@@ -16,23 +15,15 @@ from compensate.fourier import Fourier
 from compensate.master import solve_frame
 from compensate.pose import Stage, pose
 from compensate.ruler import Ruler
-from compensate.solver.result import Status
 from compensate.weighting import PerceptualWeighting
 from domesim.frames import ColourTag, Frame, Master
 from domesim.light import strips, transfer
-from domesim.observation.crosstalk import Crosstalk
 from domesim.scene import Scene, load_scene
 from domesim.scene.screening import decoded, encoded, mean_luminance, within_range
 from domesim.scene.stereo import StereoScene
 
 LINEAR = ColourTag("linear", "BT.709", "the test")
 SRGB = ColourTag("srgb", "P3-D65", "the test")
-COLOURED = np.array(
-    [
-        [[0.06, 0.01, 0.0], [0.004, 0.05, -0.002], [0.0, 0.02, 0.08]],
-        [[0.03, 0.0, 0.01], [0.0, 0.07, 0.006], [-0.003, 0.01, 0.04]],
-    ]
-)
 
 
 def stereo(matrices: np.ndarray = COLOURED) -> StereoScene:
@@ -100,21 +91,6 @@ def test_the_next_frame_of_a_size_needs_no_new_weighting(
     assert Appraisal(second).loss_before == pytest.approx(Appraisal(alone).loss_before, rel=1e-6)
 
 
-def test_figures_are_not_counted_as_the_solvers_transforms() -> None:
-    """They may be computed while the next frame is solved, with the same weighting."""
-    scene, light = CASES["all seats"]
-    posed = pose(light, scene)
-    before = posed.problem.ffts
-    assert (
-        Appraisal(posed).visible_error(posed.desired)
-        > Appraisal(posed).visible_error(posed.subtractive)
-        > 0
-    )
-    assert posed.problem.ffts == before
-    posed.problem.quadratic(posed.subtractive)
-    assert posed.problem.ffts > before
-
-
 @pytest.mark.parametrize("case", CASES)
 def test_float32_to_the_end(case: str) -> None:
     scene, light = CASES[case]
@@ -134,20 +110,6 @@ def test_float32_to_the_end(case: str) -> None:
     assert {name: array.dtype for name, array in arrays.items()} == dict.fromkeys(
         arrays, np.dtype(np.float32)
     )
-
-
-def test_what_is_exact_is_not_solved(monkeypatch: pytest.MonkeyPatch) -> None:
-    def solver(*_: object) -> None:
-        raise AssertionError("solved")
-
-    outcome = compensate_frame(frame(lit()), stereo(), solver=solver)  # type: ignore[arg-type]
-    figures = outcome.figures
-    assert figures.status == Status.EXACT.value
-    assert (figures.loss_after, figures.ghost_edges, figures.ffts) == (0, 0, 0)
-    assert figures.loss_before is not None
-    assert figures.loss_before > 0.01
-    with pytest.raises(AssertionError, match="solved"):
-        compensate_frame(frame(CASES["pair"][1]), stereo(), solver=solver)  # type: ignore[arg-type]
 
 
 def test_a_frame_in_which_nothing_clips_costs_no_transform(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -231,17 +193,6 @@ def test_a_master_in_strips_is_that_of_the_whole(case: str, bits: int) -> None:
     outside = np.any((pixels < least - 0.5 / 65535) | (pixels > largest + 0.5 / 65535), axis=-1)
     assert clipped == pytest.approx(np.mean(outside[:, screen]))
     assert (clipped > 0) == (bits == 8)
-
-
-@pytest.mark.usefixtures("_strips")
-@pytest.mark.parametrize("share", [None, (0.5, 1.5)])
-def test_crosstalk_in_strips_is_that_of_the_whole(share: tuple[float, float] | None) -> None:
-    light = np.random.default_rng(0).random((2, 30, 40, 3), np.float32)
-    varying = None if share is None else np.linspace(*share, 2 * 30 * 40).reshape(2, 30, 40)
-    black = np.array([[0.01, 0.02, 0.03], [0.04, 0.05, 0.06]])
-    crosstalk = Crosstalk(30, 40, COLOURED, share=varying, black=black)
-    expected = light + crosstalk.leaked(light) + black[:, None, None, :]
-    np.testing.assert_allclose(crosstalk.observe(light), expected, atol=1e-6)
 
 
 @pytest.mark.parametrize("brightest", [1.0, 1.5])

@@ -12,11 +12,9 @@ from compensated import compensate_frame
 from pairs import pair
 
 from compensate.figures import Appraisal
-from compensate.master import compensate
 from compensate.methods import STEREO
 from compensate.pose import pose
 from compensate.solve import solved
-from compensate.weighting import PerceptualWeighting
 from domesim.errors import InputError
 from domesim.frames import ColourTag, Frame, Master
 from domesim.observation.crosstalk import leak_matrices
@@ -60,14 +58,6 @@ def test_every_method_stays_in_range(method):
     assert (outcome.light != light()).any() == (method != "none")
 
 
-def test_ours_has_the_least_visible_error():
-    posed = pose(light(), system(), PerceptualWeighting())
-    errors = {name: Appraisal(posed).visible_error(solved(posed, name).light) for name in STEREO}
-    others = min(error for name, error in errors.items() if name != "perceptual")
-    assert errors["perceptual"] < 0.95 * others
-    assert errors["none"] > errors["subtractive"]
-
-
 def test_the_figures_tell_of_ghosts():
     figures = {
         name: compensate_frame(master(), system(), method=name).figures
@@ -100,65 +90,12 @@ def test_halved_views_are_refused():
         assert decoded(Master((half, half), "files"), paper).shape == (2, rows, cols, 3)
 
 
-def test_one_seat_is_one_of_all():
-    """Two seats that are alike are one; of unlike ones the mean lies between."""
-    scene = system()
-    sweet = scene.seats["sweet spot"]
-    twins = replace(scene, seats={"a": sweet, "b": sweet}, chosen=("a", "b"))
-    alone = compensate(light(), scene, weighting=PerceptualWeighting())
-    both = compensate(light(), twins, weighting=PerceptualWeighting())
-    assert np.abs(both.light - alone.light).max() <= 2e-3
-    everyone = pose(light(), scene.seen_from(*scene.seats), PerceptualWeighting())
-    answer = solved(everyone, "perceptual").light
-    for name in scene.seats:
-        one = pose(light(), scene.seen_from(name), PerceptualWeighting())
-        assert Appraisal(one).visible_error(answer) >= Appraisal(one).visible_error(
-            solved(one, "perceptual").light
-        )
-
-
 def test_the_figures_of_several_seats_are_the_mean_of_theirs():
     posed = pose(light(), system(0.03).seen_from("sweet spot", "left", "right"))
     answer = solved(posed, "perceptual").light
     by_seat = Appraisal(posed).look(answer).by_seat
     assert list(by_seat) == ["sweet spot", "left", "right"]
     assert np.mean(list(by_seat.values())) == pytest.approx(Appraisal(posed).loss(answer))
-
-
-def test_weights_move_the_answer():
-    scene = system().seen_from("sweet spot", "left")
-    heavy = {
-        name: replace(seat, weight=50.0 if name == "left" else 1.0)
-        for name, seat in scene.seats.items()
-    }
-    left, paper = pose(light(), scene.seen_from("left")), PerceptualWeighting()
-    even, tilted = (
-        compensate(light(), s, weighting=paper).light for s in (scene, replace(scene, seats=heavy))
-    )
-    assert Appraisal(left).visible_error(tilted) < Appraisal(left).visible_error(even)
-
-
-def test_a_table_is_seen_as_it_is():
-    scene = load_stereo("stereo_shutter")
-    scene = replace(scene, viewing=system().viewing)
-    posed = pose(light(), scene, PerceptualWeighting())
-    exact = scene.observation(ROWS, COLS)
-    result = solved(posed, "perceptual")
-    assert Appraisal(posed).visible_error(result.light) < 0.9 * Appraisal(posed).visible_error(
-        posed.subtractive
-    )
-    residual = exact.observe(result.light) - posed.problem.desired
-    assert np.array_equal(posed.residual(result.light), residual)
-    with pytest.raises(InputError, match="'paper' is not known for stereo_shutter"):
-        solved(posed, "paper")
-
-
-def test_what_a_method_cannot_do_is_said():
-    with pytest.raises(InputError, match="not known for stereo_polarised_paper; use one of perc"):
-        compensate_frame(master(), system(), method="magic")
-    one = Master((master().frames[0],))
-    with pytest.raises(InputError, match=r"L\.exr: wanted left and right"):
-        compensate_frame(one, system())
 
 
 def test_seats_have_their_maps():
