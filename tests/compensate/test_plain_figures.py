@@ -220,3 +220,11 @@ def test_the_faintest_star_by_hand() -> None:
     assert figures(spread, spread, DOME).faintest_star == pytest.approx(
         faintest_star(sky, 2 * area).crumey, abs=0.02
     )
+
+
+def test_stars_without_light_are_not_seen() -> None:
+    light = np.full((1, SIZE, SIZE, 3), 0.004, np.float32)
+    light[:, 100:260:20, 100:260:20] = 0.1
+    found = figures(light, np.full_like(light, 0.004), DOME)
+    assert found.sky is not None
+    assert found.faintest_star is None

@@ -435,3 +435,36 @@ def test_a_seat_counts_alone() -> None:
 
     np.testing.assert_allclose(tvi("left", "sweet spot"), tvi("left"), rtol=1e-5)
     assert (tvi("left")[0] > 1.05 * tvi("sweet spot")[0])[24, 32]
+
+
+@pytest.mark.parametrize("combination", Combination)
+def test_a_texture_masks_what_is_like_it(combination: Combination) -> None:
+    """At one mean luminance, so that it is not TVI that differs."""
+    scene = stereo(0.1)
+    _, across = places()
+    wave = np.cos(2 * np.pi * 2 * across)
+    window = spot(1.0)
+    ghost = 20 * (1 + wave) * window
+    left = {"plain": 10.0, "like it": 10 + 9 * wave, "across": (10 + 9 * wave[:, :1].T)}
+    left["across"] = 10 + 9 * np.cos(2 * np.pi * 2 * places()[0])
+    settings = Prediction(combination=combination, saliency=False)
+    found = {
+        name: predict(pose(pair(luminance, ghost), scene), settings=settings)
+        for name, luminance in left.items()
+    }
+    middle = (0, slice(18, 30), slice(24, 40))
+    v = {name: float(each.masking[middle].mean()) for name, each in found.items()}
+    assert v["like it"] < 0.5 * v["plain"]
+    assert v["like it"] < 0.7 * v["across"]
+
+
+def test_exchanged_eyes_have_exchanged_masks() -> None:
+    left, right = 20 * spot(0.4), np.roll(30 * spot(0.7), 18, axis=1)
+    for settings in (Prediction(), Prediction(combination=Combination.PAPER)):
+        one, other = (
+            predict(pose(light, stereo()), settings=settings)
+            for light in (pair(left, right), pair(right, left))
+        )
+        np.testing.assert_array_equal(one.mask, other.mask[::-1])
+        np.testing.assert_allclose(one.saliency, other.saliency[::-1], atol=1e-5)
+        assert (one.mask[0] != one.mask[1]).any()

@@ -190,3 +190,12 @@ def test_a_missing_judge_says_how_to_get_it(monkeypatch, name, package):
     monkeypatch.setitem(sys.modules, package, None)
     with pytest.raises(Missing, match=r"pip install 'domesim\[metrics\]'"):
         chosen(name).judge(pair(), pair(), PAIR)
+
+
+def test_ssim_of_greys_is_the_published_formula():
+    """Of even pictures only the luminance term remains (Wang et al. 2004, eq. 6, K1 = 0.01)."""
+    pytest.importorskip("piq")
+    low, high = panel.pu21(np.array([0.1, 0.6]) * PAIR.projector.white) / 256
+    expected = (2 * low * high + 1e-4) / (low**2 + high**2 + 1e-4)
+    found = panel.PU21("ssim")(even(0.1, 0.1), even(0.6, 0.6), PAIR)
+    assert found == pytest.approx(expected, rel=1e-4)

@@ -268,3 +268,9 @@ def test_the_reconstructed_studies_have_the_papers_chi2(stills):
         assert round(study.pearson, 1) == 283.0
         assert study.equality.statistic == pytest.approx(study.pearson * 4 / 3)
         assert all(pair.trials == 320 for pair in study.pairs)
+
+
+def test_holm_by_hand():
+    # 4 x 0.005; 3 x 0.01; 2 x 0.03; and 0.04, no less than the one before
+    assert holm([0.01, 0.04, 0.03, 0.005]) == pytest.approx([0.03, 0.06, 0.06, 0.02])
+    assert holm([0.9, 0.6]) == pytest.approx([1, 1])

@@ -216,3 +216,21 @@ def test_what_cannot_be_is_refused():
         difference(PLAIN, PLAIN, viewing=wide)
     with pytest.raises(InputError, match="a cortex takes"):
         Cortex(orientations=1)
+
+
+def test_views_do_not_mix():
+    reference, test, adaptation = scene()
+    both = masked_difference(reference, test, adaptation, SEAT)
+    for view in range(2):
+        one = slice(view, view + 1)
+        alone = masked_difference(reference[one], test[one], adaptation[one], SEAT)
+        assert both[one] == pytest.approx(alone, rel=1e-3, abs=1e-4)
+
+
+def test_rows_are_treated_as_columns_are():
+    planes = scene()
+    turned = [np.ascontiguousarray(plane.swapaxes(1, 2)) for plane in planes]
+    found = masked_difference(*planes, SEAT)
+    assert masked_difference(*turned, SEAT) == pytest.approx(
+        found.swapaxes(1, 2), rel=1e-2, abs=float(1e-2 * found.max())
+    )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import log10
+
 import numpy as np
 import pytest
 
@@ -82,3 +84,8 @@ def test_the_cie_blend_rises_and_lies_between_the_systems():
     assert (np.diff(blended)[light[:-1] < 10**-1.5] >= 0).all()
     assert (blended >= np.minimum(cones, rods) * (1 - 1e-12)).all()
     assert (blended <= np.maximum(cones, rods) * (1 + 1e-12)).all()
+
+
+def test_the_rods_threshold_is_the_lower_in_the_dark_and_the_higher_in_light():
+    assert log10(cone_threshold(0.0) / rod_threshold(0.0)) == pytest.approx(2.86 - 0.72)
+    assert rod_threshold(100.0) > 7 * cone_threshold(100.0)

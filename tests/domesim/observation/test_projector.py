@@ -9,7 +9,7 @@ import pytest
 
 from domesim.errors import InputError
 from domesim.light.transfer import SRGB, Linear
-from domesim.observation.projector import PRIMARIES, Projector, conversion
+from domesim.observation.projector import CINEMA, PRIMARIES, Projector, conversion
 from domesim.room.dome import Dome
 from domesim.room.viewing import Viewing, from_dome_centre, of_flat_screen
 
@@ -119,3 +119,18 @@ def test_impossible_viewing_is_refused(name):
     values = {"extent": 1.0, "image_area": 1.0, "distance": 1.0, "adaptation": 1.0, name: 0.0}
     with pytest.raises(InputError, match=f"viewing {name} must be above 0"):
         Viewing(**values)
+
+
+def test_the_same_primaries_change_nothing():
+    pixels = np.random.default_rng(0).random((2, 5, 7, 3), np.float32)
+    assert (Projector("BT.709", 10.0).decode(pixels, Linear(), "BT.709") == pixels).all()
+
+
+@pytest.mark.parametrize("source", [name for name in PRIMARIES if name not in CINEMA])
+def test_white_stays_white(source):
+    white = np.ones((1, 1, 3))
+    assert Projector("BT.709", 10.0).decode(white, Linear(), source) == pytest.approx(1, abs=1e-4)
+
+
+def test_xyz_is_colorimetric():
+    assert conversion("BT.709", "XYZ")[1] == pytest.approx([0.2126, 0.7152, 0.0722], abs=1e-4)

@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from rooms import BEFORE, ROOMS, SCREEN
+from rooms import BEFORE, HEMISPHERE, ROOMS, SCREEN
 
 from domesim.errors import InputError
 from domesim.observation.basis import disc_quadrature
@@ -342,3 +342,39 @@ def test_points_of_floor_and_wall_see_a_closed_room(name):
         "wall": np.array([[0.6, 0.8, -0.1], [0.0, -1.0, -0.25]]),
     }[name]
     assert np.allclose(room.seen_from_sheet(name, points).sum(1), 1, atol=5e-3)
+
+
+def test_a_floor_that_gives_nothing_back_changes_nothing() -> None:
+    dark = (0.0, 0.0, 0.0)
+    for dome in (HEMISPHERE, Dome(3.0, 1.2, 0.3)):
+        theatre = Theatre(
+            dome, SCREEN, floor=Floor(-1.2, 3.0, dark), wall=Wall(3.0, -1.2, -1, dark)
+        )
+        found = radiosity(theatre, resolution=6, nodes=11)
+        assert found.mean_gain() == pytest.approx(closed_form(theatre), rel=1e-9)
+
+
+def test_a_deeper_floor_gives_back_less() -> None:
+    """Down to nothing: far below it is a point."""
+    gains = []
+    for depth in (0.5, 2.0, 6.0, 300.0):
+        theatre = Theatre(HEMISPHERE, SCREEN, floor=Floor(-depth, 3.0, (0.9, 0.9, 0.9)))
+        gains.append(radiosity(theatre, resolution=6, nodes=11).mean_gain())
+    assert (np.diff(gains, axis=0) < 0).all()
+    closed = closed_form(theatre)
+    assert gains[-1] == pytest.approx(closed, rel=1e-4)
+    # Far away both are small: white light goes down as through a hole, and a share comes back.
+    sixth = gains[2][0] - closed[0]
+    assert sixth == pytest.approx(twice_through(6.0) * (1 + closed[0]) ** 2 * SCREEN[0], rel=0.05)
+
+
+def twice_through(depth: float) -> float:
+    """Share of an evenly lit hemisphere's light that a distant floor of albedo 0.9 sends back.
+
+    Form factors between equal coaxial discs (the dome's mouth, the floor), there and back.
+    """
+    ratio = 3.0 / depth
+    x = 2 + 1 / ratio**2
+    there = (x - np.sqrt(x**2 - 4)) / 2
+    # Half of what leaves the screen passes its mouth; the same half returns to each of its points.
+    return 0.5 * 0.9 * there**2

@@ -377,3 +377,13 @@ def test_a_lens_that_leaves_the_screen_dark_is_refused(bad: float) -> None:
     for gains in ({"lens_gain": gain}, {"seen_gain": gain}):
         with pytest.raises(InputError, match="lens gain must be above 0 everywhere"):
             smooth().observation(6, 6, **gains)
+
+
+def test_a_part_of_a_file_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "a.npz"
+    smooth(degree=1, nodes=7).save(path)
+    raw = path.read_bytes()
+    for length in [*range(0, len(raw), len(raw) // 40), len(raw) - 1]:
+        path.write_bytes(raw[:length])
+        with pytest.raises(InputError, match=r"a\.npz"):
+            load_transport(path)

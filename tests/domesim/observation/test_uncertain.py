@@ -148,3 +148,20 @@ def test_products_of_a_dome_are_means(dome):
     residual = pair(SIZE, SIZE, seed=4, dtype=np.float32)[:1] - 0.1
     residual *= THEATRE.dome.inside(SIZE, SIZE)[..., None]
     assert_means(dome.changes(light), 2, residual, areas / areas.sum(), 0.02)
+
+
+def test_errors_of_a_transport_spread_as_they_do_when_drawn(base):
+    light = pair(SIZE, SIZE)[:1]
+    small = replace(base.reduced(highest=4), core_error=np.abs(base.reduced(highest=4).core) / 20)
+    plain = small.observation(SIZE, SIZE)
+    known = UncertainDome(plain, [], np.zeros((0, 3, 0)))
+    _, _, own = known.changes(light).products(np.zeros_like(light))
+    rng = np.random.default_rng(0)
+    squares = []
+    for _ in range(300):
+        core = small.core + small.core_error * rng.standard_normal(small.core.shape)
+        other = replace(small, core=core).observation(SIZE, SIZE)
+        off = other.observe(light) - plain.observe(light)
+        squares.append(plain.means(off**2).sum() / 3)
+    error = np.std(squares) / np.sqrt(len(squares))
+    assert abs(np.mean(squares) - np.trace(own)) < 4 * error + 0.02 * np.trace(own)

@@ -13,6 +13,7 @@ from rooms import ALBEDO, room
 
 from domesim.errors import InputError
 from domesim.observation.spherical import ClosedFormDome
+from domesim.pathtrace import tracer as tracer_module
 from domesim.pathtrace.machine import DrJit
 from domesim.pathtrace.observation import Observed, PathTracedDome
 from domesim.pathtrace.tracer import Settings, Status, Traced, Tracer
@@ -356,3 +357,31 @@ def test_impossible_settings_are_refused(settings: dict[str, Any], words: str) -
 def test_an_eye_outside_is_refused(tracer: Tracer, eye: tuple[float, float, float]) -> None:
     with pytest.raises(InputError, match="inside the dome"):
         PathTracedDome(tracer.theatre, SIZE, SIZE, eye=eye, tracer=tracer)
+
+
+def test_a_brighter_picture_is_traced_alike(tracer: Tracer) -> None:
+    """The same seed, and a factor that float32 knows exactly: nothing but the factor changes."""
+    one, four = (traced(tracer, k * picture(), least=16, most=16).indirect for k in (1, 4))
+    np.testing.assert_allclose(four.mean, 4 * one.mean, rtol=1e-5)
+    np.testing.assert_allclose(four.standard_error, 4 * one.standard_error, rtol=1e-4, atol=1e-6)
+
+
+def test_many_walks_take_few_launches(tracer: Tracer, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where the wanted error is reached early, and the first pass is a small part of all."""
+    monkeypatch.setattr(tracer_module, "WALKS_A_PASS", 1 << 11)
+    launches = counted(tracer.machine, monkeypatch)
+    found = traced(tracer, error=1e3, least=300).indirect
+    assert (found.status, found.samples) == (Status.CONVERGED, 300)
+    # Of 4 walks a pixel at first, and of as many as there are then
+    assert len(launches) == 8
+
+
+def test_a_launch_is_as_large_as_the_machine_likes(
+    tracer: Tracer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tracer.machine, "launch", 1 << 16, raising=False)
+    launches = counted(tracer.machine, monkeypatch)
+    found = traced(tracer, least=1500, most=1500).indirect
+    pixels = on_screen(tracer.theatre).sum()
+    assert found.samples == 1500
+    assert len(launches) == pytest.approx(1500 * pixels / (1 << 16), abs=2)

@@ -180,3 +180,52 @@ def test_settings_that_cannot_be_are_refused(
 ) -> None:
     with pytest.raises(Exception, match=words):
         camera(mi, **settings)
+
+
+def test_lights_in_front_and_on_the_right_are_below_and_on_the_right(mi: Any) -> None:
+    theta = np.pi / 2 * 10 / 21  # five of 21 pixels from the middle
+
+    def ball(right: float, front: float, colour: list[float]) -> dict[str, Any]:
+        light = {"type": "area", "radiance": {"type": "rgb", "value": colour}}
+        centre = 5 * np.array([right * np.sin(theta), front * np.sin(theta), np.cos(theta)])
+        return {"type": "sphere", "center": centre.tolist(), "radius": 0.6, "light": light}
+
+    film = {"type": "hdrfilm", "width": 21, "height": 21, "rfilter": {"type": "box"}}
+    scene = mi.load_dict(
+        {
+            "type": "scene",
+            "integrator": {"type": "path"},
+            "front": ball(0.0, 1.0, [1.0, 0.0, 0.0]),
+            "right": ball(1.0, 0.0, [0.0, 1.0, 0.0]),
+            "sensor": {"type": "domemaster", "film": film},
+        }
+    )
+    picture = np.array(mi.render(scene, spp=16, seed=3))
+    for channel, place in ((0, (15, 10)), (1, (10, 15))):
+        row, col = np.unravel_index(picture[..., channel].argmax(), (21, 21))
+        assert (row, col) == place
+        assert picture[row, col, channel] == pytest.approx(1.0)
+
+
+def test_path_integrator_is_unbiased_by_it(mi: Any) -> None:
+    """In a whole sphere the reflected light is known: E = v / r² + albedo/(1 - albedo) v / r²."""
+    value, radius, batches = 0.9, 2.0, 40
+    lens = projector(mi, np.full((4, 4, 3), value), half_angle=np.pi)
+    scene = inside_a_sphere(mi, radius, lens)
+    path = {"type": "path", "max_depth": 40, "rr_depth": 3}
+    radiance = seen(mi, scene, path, [0.2, 0.1, 0.3], evenly_spread(80_000)[:, [2, 0, 1]])
+    means = radiance[:, 0].reshape(-1, batches).mean(axis=0)
+    truth = ALBEDO / np.pi * value / radius**2 / (1 - ALBEDO)
+    error = means.std(ddof=1) / np.sqrt(batches)
+    assert error < 2e-3 * truth
+    assert abs(means.mean() - truth) < 4 * error
+
+
+def test_sampled_rays_carry_the_flux(mi: Any) -> None:
+    half_angle, value = 1.1, 0.6
+    lens = mi.load_dict(projector(mi, np.full((4, 4, 3), value), half_angle=half_angle))
+    u, v = pixel_centres(64)
+    ray, weight = lens.sample_ray(0.0, 0.5, mi.Point2f(0.5), mi.Point2f(u.ravel(), v.ravel()))
+    flux = value * 2 * np.pi * (1 - np.cos(half_angle))
+    assert np.array(weight).mean() == pytest.approx(flux, rel=1e-5)
+    assert np.array(ray.d.z).min() == pytest.approx(np.cos(half_angle), abs=0.02)

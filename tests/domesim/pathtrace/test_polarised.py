@@ -130,3 +130,10 @@ def test_what_cannot_be_is_refused(arguments, words):
     *place, samples = arguments
     with pytest.raises(InputError, match=words):
         crosstalk_map(CINEMA, *place, samples=samples)
+
+
+def test_everything_does_on_a_screen_that_forgets_polarisation():
+    one_place = ((0.2, -24, 2), (0.2, -24, 2))
+    theatre = cinema(replace(SCREEN, depolarising_share=1.0), LEAKS, one_place)
+    found = crosstalk_map(theatre, "corner", 2, 3, samples=64)
+    np.testing.assert_allclose(found.share, 1, atol=2e-6)
