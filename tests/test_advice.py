@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 import OpenImageIO as oiio  # noqa: N813
 import pytest
+from command_line import run_for_real
 from image_files import save, store
 from plain_files import write_dpx
 from sensors import store_raw
@@ -520,3 +521,24 @@ def test_every_advice_is_tried() -> None:
     tested = Path(__file__).read_text()
     for name in ADVICE:
         assert name in UNTRIED or f'"{name}"' in tested.partition("# The registry.")[0], name
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("name", "tagged"), [("8 bits", False), ("ProRes", True)])
+def test_live_by_its_recipe_is_what_compensate_makes(
+    tmp_path: Path, name: str, tagged: bool
+) -> None:
+    """Frames by FFmpeg, compensated as they come; and the film, from file to file."""
+    path = film(tmp_path / "in", name, tagged=tagged)
+    raw = follow("frames of a film", path, tmp_path / "out")
+    live = ["live", "--scene", "dome_imax", "--size", "128x128", "--encoding", "bt709"]
+    command = [sys.executable, "-m", "domesim", *live, "--dither", "none"]
+    done = subprocess.run(command, input=raw, capture_output=True, check=True, cwd=HERE)
+    found = np.frombuffer(done.stdout, np.uint8).reshape(-1, 128, 128, 3)[0]
+    outcome = run_for_real(
+        *("compensate", path, "--scene", "dome_imax", "--frames", "1", "--workers", "0"),
+        *("--format", "png", "--output-bits", "8", "--out", tmp_path / "made"),
+    )
+    assert outcome.code == 0
+    (made,) = (tmp_path / "made").glob("*.png")
+    assert np.abs(found - read_frame(made).pixels * 255).mean() < 1

@@ -11,8 +11,9 @@ from command_line import Run
 from stored_masters import store, touched, written
 
 from domesim.commands import render as rendering
-from domesim.frames import read_frame
+from domesim.frames import read_frame, read_master
 from domesim.scene import load_stereo
+from domesim.scene.screening import decoded
 
 SCENE = "stereo_polarised_paper"
 ROWS, COLS = 12, 20
@@ -157,3 +158,18 @@ def test_traced_crosstalk_is_accepted(run: Run, tmp_path: Path, out: Path) -> No
     assert "traced through the described hardware" in plain.out
     found = figures(run, "observe", *arguments, "--out", out / "seen")
     assert found["seats"] == ["middle"]
+
+
+def test_what_is_written_is_what_makes_the_ghosts_go(run: Run, tmp_path: Path, out: Path) -> None:
+    arguments = pair(tmp_path / "in")
+    assert run("compensate", *arguments, "--scene", SCENE, "--out", out).code == 0
+    scene = load_stereo(SCENE)
+    observation = scene.observation(ROWS, COLS)
+    wanted = decoded(read_master([arguments[1], arguments[3]]), scene)
+    frames = decoded(read_master([out / "l.exr", out / "r.exr"]), scene)
+    # Where there is light to take away, the eyes see the masters.
+    bright = (wanted > 0.05).all(axis=(0, 3))
+    assert bright.sum() > 20
+    before = np.abs(observation.observe(wanted) - wanted)[:, bright].mean()
+    after = np.abs(observation.observe(frames) - wanted)[:, bright].mean()
+    assert after < 0.3 * before

@@ -9,9 +9,13 @@ from collections.abc import Iterator
 from importlib import metadata
 from pathlib import Path
 
+import numpy as np
 import pytest
 from command_line import Run
+from image_files import store
 
+from compensate.commands import compare
+from domesim.frames import read_master
 from domesim.pathtrace import llvm
 
 LINE = (
@@ -84,3 +88,15 @@ def test_wheels_for_path_tracing_need_no_other_library(package: str) -> None:
     assert needed
     others = {name for name in needed - wheels if not re.fullmatch(ON_EVERY_DEBIAN, name)}
     assert others - {"linux-vdso.so.1"} <= {llvm.ATOMIC}
+
+
+@pytest.mark.usefixtures("_missing")
+def test_the_demo_works_and_tells(
+    run: Run, out: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    small = read_master([store(tmp_path / "m.exr", np.full((32, 32, 3), 0.2, np.float32))])
+    monkeypatch.setattr(compare, "bundled_night", lambda: small)
+    outcome = run("demo", "--scene", "dome_hemisphere", "--out", out)
+    assert (outcome.code, outcome.err) == (0, "")
+    *_, told, _, page = outcome.out.splitlines()
+    assert (told, page) == (LINE, f"Open {out / 'compare.html'}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import json
 import os
@@ -988,3 +989,28 @@ def test_a_scheduler_that_stands_still_is_told_and_ctrl_c_is_heard(tmp_path: Pat
             run.kill()
             run.wait()
     assert "Traceback" not in told.read_text()
+
+
+def test_a_file_system_that_turns_read_only_is_told_once(
+    tmp_path: Path,
+    recipe: Harmful,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    make_show(tmp_path / "in", 30)
+    original = os.fsync
+
+    def fsync(handle: int) -> None:
+        if len(recipe.begun()) > 3:
+            raise OSError(errno.EROFS, os.strerror(errno.EROFS))
+        original(handle)
+
+    monkeypatch.setattr("domesim.host.writing.os.fsync", fsync)
+    done = copied(tmp_path, recipe, 0)
+    assert 1 <= len(done.frames) <= 3
+    assert len(recipe.begun()) < 8
+    assert done.report is not None
+    assert done.report.exists()
+    errors = capsys.readouterr().err.splitlines()
+    assert len(errors) == 3, errors
+    assert all("read-only" in line for line in errors[::2])

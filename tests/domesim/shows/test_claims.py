@@ -295,3 +295,15 @@ def test_a_claim_that_nobody_can_read_or_remove_ends_no_run(
         assert not ours.take("a")
         time.sleep(0.1)
         assert ours.take("a")
+
+
+@pytest.mark.long
+def test_two_commands_share_the_frames(tmp_path: Path) -> None:
+    """By frames that take longer than all else, and sleep: the machine's cores do not matter."""
+    make_show(tmp_path / "in", FRAMES)
+    harmful_in(tmp_path)
+    runs = [started(tmp_path, 0.5) for _ in range(2)]
+    assert [ended(run) for run in runs] == [0, 0]
+    pids = Counter(path.read_text() for path in (tmp_path / "log").iterdir())
+    assert len(pids) == 2
+    assert min(pids.values()) >= FRAMES // 4, pids
