@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -190,27 +191,10 @@ def test_verdicts_and_the_summary_of_a_sequence(run: Run, tmp_path: Path, out: P
     assert gained[0] == 0 < gained[1] < gained[3] < gained[2]
     lost = found["frames"][2]["lost"]
     assert gained[2] == lost["none"] - min(lost["perceptual"], lost["subtractive"])
-    outcome = run("predict", *arguments)
-    lines = outcome.out.splitlines()
-    said = [line for line in lines if "visible pollution" in line]
-    assert len(said) == 4, outcome
-    assert said[0].endswith(
-        "visible pollution on 0% of the screen, 0% after subtraction: nothing "
-        "visible: leave it alone"
-    )
-    assert said[2].endswith(", 0% after subtraction: subtraction is enough")
-    summary = lines[-1]
-    assert summary.startswith(
-        "4 frames: 1 nothing visible: leave it alone; 1 subtraction is enough"
-    )
-    assert "2 compensation worth while" in summary
+    summary = run("predict", *arguments).out.splitlines()[-1]
+    assert "1 subtraction is enough; 2 compensation worth while" in summary
     worst = summary.split("Most to be gained: ")[1]
-    places = [worst.index(f"L.{n:04d}.exr") for n in (3, 4, 2)]
-    assert places == sorted(places)
-    assert "L.0001" not in worst
-    assert len(written(out)) == 4 * 2 * 5
-    chosen = figures(run, *arguments, "--frames", "2-3")
-    assert len(chosen["frames"]) == 2
+    assert re.findall(r"L\.(\d{4})\.exr", worst) == ["0003", "0004", "0002"]
 
 
 def test_settings_reach_the_prediction(run: Run, tmp_path: Path, out: Path) -> None:

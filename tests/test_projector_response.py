@@ -107,8 +107,10 @@ def apart(light: NDArray[Any], scene: Scene) -> NDArray[Any]:
     return np.asarray(np.abs(codes[0] * 255 - frame()))
 
 
-@pytest.mark.parametrize("response", CURVES)
-@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize(
+    ("way", "response"),
+    [*((way, '"bt1886"') for way in WAYS), *(("TIFF", response) for response in CURVES)],
+)
 def test_files_give_the_same_light(tmp_path: Path, way: str, response: str) -> None:
     scene = load_scene(scene_file(tmp_path, response))
     light, master = load_master(first(WAYS[way](tmp_path / "in")), scene)

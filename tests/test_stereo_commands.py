@@ -143,6 +143,7 @@ glasses_leak = 0.003
 """  # noqa: E501
 
 
+@pytest.mark.long
 def test_traced_crosstalk_is_accepted(run: Run, tmp_path: Path, out: Path) -> None:
     scene = touched(tmp_path / "cinema.toml", CINEMA.encode())
     table = tmp_path / "maps.npz"

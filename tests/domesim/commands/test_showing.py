@@ -61,6 +61,8 @@ def test_a_3d_screen_has_the_crosstalk_of_its_seats(pages):
     figures = shown(pages["stereo_cinema_silver"])
     for name, seat in scene.seats.items():
         assert figures[f"crosstalk {name}"] == pytest.approx(seat.mean(), rel=0.01)
+    assert figures["coverage BT.709"] == pytest.approx(100, abs=0.2)
+    assert "Gamut, CIE 1976" in pages["stereo_cinema_silver"].read_text()
 
 
 @pytest.mark.parametrize(("width", "scheme"), [(390, "dark"), (1280, "light")])

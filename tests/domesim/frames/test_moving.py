@@ -195,7 +195,7 @@ def test_files_say_rate_and_timecode(tmp_path: Path, suffix: str, timecode: str)
 @pytest.mark.parametrize(
     ("said", "rate"),
     [
-        ({"dpx:FrameRate": 30.0, "dpx:TemporalFrameRate": 30.0}, 30),
+        ({"dpx:FrameRate": 30.0, "dpx:TemporalFrameRate": 60.0}, 30),
         ({"dpx:FrameRate": 25.0}, 25),
         ({"dpx:TemporalFrameRate": 60.0}, 60),
         ({"dpx:FrameRate": 23.976}, Fraction(24000, 1001)),

@@ -120,7 +120,7 @@ def test_arguments_that_are_not_understood_are_no_terminal_codes(
     assert "\nforged" not in outcome.err
 
 
-@pytest.mark.parametrize("command", ["observe", "compensate", "predict", "compare", "tabulate"])
+@pytest.mark.parametrize("command", ["observe", "compare", "tabulate"])
 def test_a_scenes_name_is_no_terminal_code_and_may_be_any_bytes(
     run: Run, tmp_path: Path, command: str
 ) -> None:

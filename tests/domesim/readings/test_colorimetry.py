@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
-from command_line import Run
 
 from domesim.frames.colour import CHROMATICITIES
 from domesim.inspection.gamuts import colours_of, gamut_drawing
@@ -107,13 +104,3 @@ def test_the_drawing_has_what_is_in_it() -> None:
     assert all(f">{name}<" in drawing for name in ("R", "G", "B", "BT.709", "P3-D65", "BT.2020"))
     assert 'points="' in drawing
     assert "nan" not in drawing
-
-
-def test_commands_tell_them(tmp_path: Path, run: Run) -> None:
-    done = run("report-card", "stereo_cinema_silver", "--json")
-    assert done.figures()["white_cct_k"] == pytest.approx(6504, abs=2)
-    assert "Delta E 2000" in run("report-card", "cinema_2d").out
-    page = tmp_path / "page.html"
-    shown = run("scene", "show", "stereo_cinema_silver", "--out", page, "--json").figures()
-    assert shown["coverage BT.709"] == pytest.approx(100, abs=0.2)
-    assert "Gamut, CIE 1976" in page.read_text()

@@ -139,6 +139,7 @@ def draws(tmp_path_factory):
     return results
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("sigmas", [1.0, 2.0])
 def test_standard_errors_of_crosstalk_cover_the_truth(draws, sigmas):
     truth = (TO_LEFT, TO_RIGHT)
@@ -149,6 +150,7 @@ def test_standard_errors_of_crosstalk_cover_the_truth(draws, sigmas):
         assert_covered(inside, stats.chi2.cdf(sigmas**2, 1))
 
 
+@pytest.mark.long
 def test_the_error_of_system_crosstalk_covers_the_truth(draws):
     for eye, (own, leak) in enumerate([(LEFT, TO_LEFT), (RIGHT, TO_RIGHT)]):
         truth = (own @ leak)[1].sum() / own[1].sum()
@@ -158,6 +160,7 @@ def test_the_error_of_system_crosstalk_covers_the_truth(draws):
         assert_covered(sum(inside), stats.chi2.cdf(1, 1))
 
 
+@pytest.mark.long
 def test_the_error_of_additivity_covers_the_truth(draws):
     leaks = [pair.leaks[0] for pair in draws]
     inside = [np.abs(leak.additivity) <= leak.additivity_error for leak in leaks]
@@ -184,6 +187,7 @@ def test_first_order_errors_are_the_derivatives(read, white):
     assert leak.system_error == pytest.approx(np.sqrt(system), rel=2e-3)
 
 
+@pytest.mark.long
 def test_the_error_of_gamma_covers_the_truth(tmp_path):
     path = tmp_path / "rig.csv"
     inside = np.zeros(3)

@@ -255,6 +255,13 @@ def test_mixing_keeps_and_anew_does_not(tmp_path: Path, recipe: Harmful) -> None
     assert copied(tmp_path, recipe, 0, anew=True).kept == 0
 
 
+def test_frames_of_other_settings_are_done_again(tmp_path: Path, recipe: Harmful) -> None:
+    make_show(tmp_path / "in", 2)
+    do_show(show_of(tmp_path / "in"), tmp_path, recipe, Writing(dither=True))
+    do_show(show_of(tmp_path / "in", "1"), tmp_path, recipe, anew=True)
+    assert copied(tmp_path, recipe, 0).kept == 1
+
+
 def test_the_settings_of_each_frame_stay_known(tmp_path: Path, recipe: Harmful) -> None:
     """Whoever finds a frame can tell with what it was made, and by the digest that this is it."""
     make_show(tmp_path / "in", 3)
@@ -863,6 +870,7 @@ function frameChunker(frames, size) {
 """
 
 
+@pytest.mark.long
 def test_flamencos_tasks_do_a_show(tmp_path: Path, run: Run) -> None:
     """Its JavaScript is run; the commands are run here, chunks in the other order."""
     driver = pytest.importorskip("playwright._impl._driver")
@@ -960,6 +968,7 @@ def test_workers_of_another_version_are_told_once_and_leave_no_settings(
     assert len(copied(tmp_path, recipe, 0).frames) == 12
 
 
+@pytest.mark.long
 def test_a_scheduler_that_stands_still_is_told_and_ctrl_c_is_heard(tmp_path: Path) -> None:
     make_show(tmp_path / "in", 40)
     harmful_in(tmp_path)
