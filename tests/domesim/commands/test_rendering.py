@@ -264,6 +264,22 @@ def test_the_theatre_from_outside(folder: Path) -> None:
     assert pixels.std() > 0.05
 
 
+# Lamps and black.
+
+
+def test_what_is_there_without_a_picture_is_counted(folder: Path) -> None:
+    out = folder / "ambient" / "seen.exr"
+    domesim(
+        "render", folder / "furnished.toml", "--master", folder / "white.exr", "--out", out,
+        "--samples", 64, "--json",
+    ).figures()  # fmt: skip
+    found = layers_of(out)
+    screen = load_scene(folder / "furnished.toml").dome.inside(SIZE, SIZE)
+    parts = found["direct"] + found["indirect"] + found["ambient"]
+    np.testing.assert_allclose(found[""][screen], parts[screen] + 0.02, rtol=1e-5)
+    assert found["ambient"][screen].min() > 0
+
+
 # Tables of the whole transport.
 
 

@@ -14,7 +14,7 @@ import numpy as np
 import OpenImageIO as oiio  # noqa: N813
 import pytest
 from cinema_mxf import ENCRYPTED, TRIPLET, cinema_mxf, codestreams_of, write_cinema_mxf
-from command_line import Run
+from command_line import Outcome, Run
 from image_files import store
 from videos import Kind, write_numbered
 
@@ -223,10 +223,15 @@ def masters(folder: Path, name: str, count: int = 3) -> None:
 HOW = ("--method", "none", "--workers", 0, "--pages", 0, "--dither", "none", "--encoding", "dcdm")
 
 
+def wrapped(run: Run, folder: Path, out: Path, *options: object, count: int = 3) -> Outcome:
+    """What a command says that makes a DCP's picture of masters."""
+    masters(folder, "in", count)
+    order = ("compensate", folder / "in.####.tif", "--scene", "dome_hemisphere", *HOW)
+    return run(*order, "--format", "mxf", "--out", out, *options)
+
+
 def test_a_dcp_is_made_by_asdcplib(tmp_path: Path, out: Path, run: Run, wrapper: Path) -> None:
-    masters(tmp_path, "in")
-    order = ("compensate", tmp_path / "in.####.tif", "--scene", "dome_hemisphere", *HOW)
-    result = run(*order, "--format", "mxf", "--out", out)
+    result = wrapped(run, tmp_path, out)
     assert result.code == 0, result
     assert "in.mxf (24 frames a second, 2D, without sound)" in result.out
     assert wrapper.read_text() == "-L -p 24"
@@ -237,15 +242,8 @@ def test_a_dcp_is_made_by_asdcplib(tmp_path: Path, out: Path, run: Run, wrapper:
         read = read_frame(path)
         assert read.colour.transfer == "dcdm"
         assert np.abs(read.pixels * 4095 - grey).max() < 2.1  # lossy, by about a code
-    again = run(*order, "--format", "mxf", "--out", out)
-    assert "(made before)" in again.out
-
-
-def test_a_dcp_may_have_another_rate(tmp_path: Path, out: Path, run: Run, wrapper: Path) -> None:
-    masters(tmp_path, "in")
-    order = ("compensate", tmp_path / "in.####.tif", "--scene", "dome_hemisphere", *HOW)
-    result = run(*order, "--format", "mxf", "--fps", 48, "--out", out)
-    assert "in.mxf (48 frames a second" in result.out
+    assert "(made before)" in wrapped(run, tmp_path, out).out
+    assert "in.mxf (48 frames a second" in wrapped(run, tmp_path, out / "48", "--fps", 48).out
     assert wrapper.read_text() == "-L -p 48"
 
 
@@ -306,9 +304,7 @@ def test_codestreams_of_a_dcp_have_its_profile_and_size(
 def test_what_a_dcp_cannot_be_is_told_before(
     tmp_path: Path, out: Path, run: Run, wrapper: Path, options: tuple[str, ...], words: str | None
 ) -> None:
-    masters(tmp_path, "in", 2)
-    order = ("compensate", tmp_path / "in.####.tif", "--scene", "dome_hemisphere", *HOW)
-    result = run(*order, "--format", "mxf", "--out", out, *options)
+    result = wrapped(run, tmp_path, out, *options, count=2)
     if words is None:
         assert "leave --frames out" in result.out
     else:
@@ -319,20 +315,16 @@ def test_what_a_dcp_cannot_be_is_told_before(
 def test_without_asdcplib_its_name_is_told(
     tmp_path: Path, out: Path, run: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    masters(tmp_path, "in", 2)
     monkeypatch.setenv("PATH", str(tmp_path))
-    order = ("compensate", tmp_path / "in.####.tif", "--scene", "dome_hemisphere", *HOW)
-    run(*order, "--format", "mxf", "--out", out).is_refused(
+    wrapped(run, tmp_path, out, count=2).is_refused(
         "asdcp-wrap is not installed (build asdcplib from", "DCP-o-matic"
     )
 
 
 def test_a_wrapper_that_fails_is_heard(tmp_path: Path, out: Path, run: Run, wrapper: Path) -> None:
-    masters(tmp_path, "in", 2)
     program = tmp_path / "bin" / "asdcp-wrap"
     program.write_text("#!/bin/sh\necho no such label >&2\nexit 3\n")
-    order = ("compensate", tmp_path / "in.####.tif", "--scene", "dome_hemisphere", *HOW)
-    result = run(*order, "--format", "mxf", "--out", out)
+    result = wrapped(run, tmp_path, out, count=2)
     assert result.code == 2
     assert "got 'no such label' (it ended with 3)" in result.err
     assert not list(out.glob("*.mxf"))

@@ -141,3 +141,8 @@ def test_no_job_begins_in_a_theatre_with_holes(run, mine, out, command):
     outcome = run(command, "no.exr", "--scene", mine, "--out", out)
     outcome.is_refused("55", "of the screen dark", f"domesim scene check {mine} --out holes.png")
     assert not out.exists()
+
+
+@pytest.mark.parametrize("command", ["render", "tabulate"])
+def test_nor_is_light_traced_there(run, mine, tmp_path, command):
+    run(command, mine, "--out", tmp_path / "a.npz").is_refused("of the screen dark")

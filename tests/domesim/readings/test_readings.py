@@ -390,10 +390,13 @@ def area(triangles):
     return np.abs(ax * by - ay * bx) / 2
 
 
-def test_no_triangle_of_shared_colours_is_larger():
-    rng = np.random.default_rng(6)
-    gamut = common_gamut(LEFT, RIGHT)
-    left, right = uv(LEFT.T), uv(RIGHT.T)
+# Three primaries each; the colours that both show have 4, 5 and 6 corners.
+@pytest.mark.parametrize("seed", [1, 10, 12])
+def test_no_triangle_of_shared_colours_is_larger(seed: int):
+    rng = np.random.default_rng(seed)
+    other = RIGHT * rng.uniform(0.8, 1.25, (3, 3))
+    gamut = common_gamut(LEFT, other)
+    left, right = uv(LEFT.T), uv(other.T)
     points = rng.uniform(np.minimum(left.min(0), right.min(0)), left.max(0), (200_000, 2))
     points = points[inside(left, points) & inside(right, points)]
     hull = points[ConvexHull(points).vertices]
