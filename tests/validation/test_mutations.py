@@ -37,7 +37,7 @@ def image_area(monkeypatch):
     monkeypatch.setattr(LowRankObservation, "_linear", linear)
 
 
-@pytest.mark.parametrize("mutate", [wrong_gain, image_area])
+@pytest.mark.parametrize("mutate", [pytest.param(wrong_gain, marks=pytest.mark.long), image_area])
 def test_mutations_turn_an_experiment_red(mutate, monkeypatch):
     mutate(monkeypatch)
     finding = load_experiment("closed_form").run(Work(quick=True))

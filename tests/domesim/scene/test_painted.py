@@ -243,7 +243,7 @@ def in_mitsuba(scene, light, towards, samples=1 << 16):
     return np.array(found) / scene.albedo
 
 
-@pytest.mark.parametrize("kind", ["bare", "floor", "ellipsoid"])
+@pytest.mark.parametrize("kind", ["bare", "floor", pytest.param("ellipsoid", marks=LONG)])
 def test_mitsuba_finds_the_same_light(kind):
     """Places that the picture leaves dark show what Mitsuba's paths bring there."""
     scene = {
