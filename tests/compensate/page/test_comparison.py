@@ -41,11 +41,3 @@ def test_a_dome_s_stars_fall_from_the_master_s(tmp_path: Path) -> None:
     skies = {name: float(text) for name, text in rows["Sky"].values.items()}
     assert skies["Seen, untouched"] < skies["Master"]
     assert skies["Seen, subtractive"] >= skies["Seen, untouched"]
-
-
-def test_a_flat_screen_has_no_sky(tmp_path: Path) -> None:
-    left = np.full((48, 96, 3), 0.02, np.float32)
-    left[10:30, 20:40] = 0.8
-    found = compared(tmp_path, "stereo_cinema_silver", left, np.roll(left, 3, axis=1))
-    assert found.stars() is None
-    assert not {"Sky", "Faintest star"} & {row.name for row in found._table()}

@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command_line import Run
+from stored_masters import store
 
 from compensate.pose import Stage
 from compensate.shows import films
 from compensate.vision.colorvideovdp import film_lost, library
 from domesim.errors import InputError
-from domesim.frames import ColourTag, Frame, write_frame
 from domesim.light import Light
 from domesim.scene import load_scene
 
@@ -34,10 +34,7 @@ def lit(share: float) -> Light:
 def masters(tmp_path: Path) -> Path:
     """Five seconds: the third and fourth are lit far more than the others."""
     for number in range(1, 121):
-        path = tmp_path / f"m.{number:03}.exr"
-        light = lit(0.4 if 49 <= number <= 96 else 0.1)[0]
-        tag = ColourTag("linear", "BT.709", "a test")
-        write_frame(Frame(light, path, tag, 16, floating=True), path)
+        store(tmp_path / f"m.{number:03}.exr", lit(0.4 if 49 <= number <= 96 else 0.1)[0])
     return tmp_path / "m.###.exr"
 
 

@@ -59,6 +59,7 @@ FAULTS: Mapping[str, tuple[Said, Said, str]] = {
         "got 24 and 25 frames a second",
     ),
     "time codes": (code(1), code(2), "got time codes 01:00:00:00 and 02:00:00:00"),
+    "encodings": ({}, {"dpx:Transfer": "Linear"}, "wanted one encoding of left and right"),
 }
 
 
@@ -72,27 +73,10 @@ def test_headers_that_disagree_are_refused(run: Run, street, tmp_path: Path, fau
     assert nothing_done(tmp_path)
 
 
-def test_encodings_that_disagree_are_refused(run: Run, street, tmp_path: Path) -> None:
-    left = written(tmp_path / "L", street[0])
-    right = written(tmp_path / "R", street[1], {"dpx:Transfer": "Linear"})
-    asked(run, tmp_path, left, right).is_refused("wanted one encoding of left and right")
-    assert nothing_done(tmp_path)
-
-
-def test_sizes_that_disagree_are_refused(run: Run, street, tmp_path: Path) -> None:
-    left = written(tmp_path / "L", street[0])
-    right = written(tmp_path / "R", street[1][:-8])
-    asked(run, tmp_path, left, right).is_refused("wanted left and right of one size")
-    assert nothing_done(tmp_path)
-
-
-@pytest.mark.parametrize("command", [("compensate", "--method", "none"), ("observe",)])
-def test_a_missing_packing_is_told_once(run: Run, street, tmp_path: Path, command) -> None:
+def test_a_missing_packing_is_told_once(run: Run, street, tmp_path: Path) -> None:
     both = written(tmp_path / "both", np.concatenate(list(street), axis=1))
-    scene = ("--scene", "stereo_spectral", "--out", tmp_path / "out")
-    run(*command, both, *scene).is_refused("got one picture", "--packing")
+    run("compensate", both, *HOW, "--out", tmp_path / "out").is_refused("got one pict", "--packing")
     assert nothing_done(tmp_path)
-    assert run(*command, both, *scene, "--packing", "side-by-side", "--workers", 0).code == 0
 
 
 def test_identical_eyes_are_asked_about(run: Run, street, tmp_path: Path) -> None:
@@ -102,12 +86,11 @@ def test_identical_eyes_are_asked_about(run: Run, street, tmp_path: Path) -> Non
     assert asked(run, tmp_path, left, right, "--as-given").code == 0
 
 
-@pytest.mark.parametrize("method", ["none", "auto"])
-def test_an_exposure_is_asked_about(run: Run, street, tmp_path: Path, method: str) -> None:
+def test_an_exposure_is_asked_about(run: Run, street, tmp_path: Path) -> None:
     left = written(tmp_path / "L", street[0])
     right = written(tmp_path / "R", street[1] / 2)
     told = ("wanted left and right of one exposure, got left ", "times as bright as right")
-    asked(run, tmp_path, left, right, "--method", method).is_refused(*told, "--as-given")
+    asked(run, tmp_path, left, right).is_refused(*told, "--as-given")
     asked(run, tmp_path, right, left, "--dry-run").is_refused(
         "got right ", "times as bright as left"
     )
@@ -146,14 +129,6 @@ def looked(monkeypatch: pytest.MonkeyPatch) -> list[Path]:
 
     monkeypatch.setattr(first_look.Show, "read", counted)
     return found
-
-
-def test_a_cue_list_and_its_job_look_once(
-    run: Run, street, tmp_path: Path, looked: list[Path]
-) -> None:
-    left, right = (written(tmp_path / eye, view) for eye, view in zip("LR", street, strict=True))
-    assert asked(run, tmp_path, left, right, "--frames", "0-2", "--method", "auto").code == 0
-    assert len(looked) == 3 + COUNT + 3  # by the look, for the list of the whole show, by the job
 
 
 def test_a_job_that_goes_on_does_not_look_again(

@@ -6,20 +6,19 @@ import re
 from collections.abc import Iterable
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from command_line import Run
+from stored_masters import store
 
 from compensate.figures import Appraisal
 from compensate.pose import Stage
 from compensate.shows.over_time import timeline
 from compensate.solve import solved
-from domesim.frames import ColourTag, Frame, write_frame
 from domesim.light import Light
 from domesim.scene import load_scene
-from domesim.shows.timeline import Panel, Timeline, _thinned, drawn, runs
+from domesim.shows.timeline import Panel, Timeline, _thinned, drawn
 
 FRAMES, SIZE, RATE = 48, 48, 24.0
 FIRST, LAST = 16, 40
@@ -85,20 +84,19 @@ def test_a_planet_that_rises_fast_is_warned_of_in_its_frames() -> None:
     assert stars.lines["master"][-1] == pytest.approx(stars.lines["master"][0], abs=0.2)
 
 
-@pytest.mark.parametrize("still", [0.0, 0.6])
-def test_a_still_show_never_warns(still: float) -> None:
-    assert not over_time(risen(still) for _ in range(FRAMES)).alarms
+STILL_OR_SLOW = {
+    "stars alone": lambda k: risen(0.0),
+    "a planet that stands": lambda k: risen(0.6),
+    # By a tenth of itself in two seconds
+    "a planet that brightens": lambda k: sky() + (risen(0.6) - sky()) * (0.9 + 0.1 * k / FRAMES),
+    # Two seconds of five minutes
+    "a planet that rises slowly": lambda k: risen(0.5 + k / (300 * RATE)),
+}
 
 
-def test_a_slow_fade_never_warns() -> None:
-    """A planet that brightens by a tenth of itself in two seconds."""
-    planet = risen(0.6) - sky()
-    assert not over_time(sky() + planet * (0.9 + 0.1 * k / FRAMES) for k in range(FRAMES)).alarms
-
-
-def test_a_slow_rise_never_warns() -> None:
-    """Two seconds of one that takes five minutes."""
-    assert not over_time(risen(0.5 + k / (300 * RATE)) for k in range(FRAMES)).alarms
+@pytest.mark.parametrize("name", STILL_OR_SLOW)
+def test_what_is_still_or_slow_is_not_warned_of(name: str) -> None:
+    assert not over_time(map(STILL_OR_SLOW[name], range(FRAMES))).alarms
 
 
 def test_what_the_show_itself_does_is_not_warned_of() -> None:
@@ -136,23 +134,16 @@ def test_a_long_show_keeps_its_ends_and_a_small_drawing() -> None:
     assert len(drawn(Timeline([Panel("x", {"a": values}, from_zero=False)]), seconds)) < 50_000
 
 
-def test_runs_of_marks() -> None:
-    assert list(runs([True, True, False, True])) == [(0, 1), (3, 3)]
-    assert list(runs([False, False])) == []
-
-
 @pytest.fixture(scope="module")
 def reported(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A job of the rising planet."""
     folder = tmp_path_factory.mktemp("planet")
     for number, light in enumerate(rising(), 1):
-        path = folder / f"planet.{number:04}.exr"
-        tag = ColourTag("linear", "BT.709", "a test")
-        write_frame(Frame(light[0], path, tag, 16, floating=True), path)
+        store(folder / f"planet.{number:04}.exr", light[0])
     return folder
 
 
-def test_the_report_shows_it(reported: Path, run: Run, browser: Any) -> None:
+def test_the_report_shows_it(reported: Path, run: Run) -> None:
     out, options = reported / "out", ("--scene", "dome_planetarium", "--workers", "0")
     masters = reported / "planet.####.exr"
     done = run("compensate", masters, *options, "--out", out, "--pages", "0")
@@ -161,15 +152,6 @@ def test_the_report_shows_it(reported: Path, run: Run, browser: Any) -> None:
     assert int(last) <= LAST + 8
     text = (out / "job/report.html").read_text()
     assert f"planet.{first}.exr to planet.{last}.exr: black moves" in text
-    page = browser.new_page(viewport={"width": 390, "height": 800})
-    page.goto((out / "job/report.html").as_uri())
-    box = page.locator("figure.timeline svg").bounding_box()
-    assert box is not None
-    assert box["height"] > 100
-    assert page.evaluate("document.documentElement.scrollWidth") <= 390
-    shown = page.locator("figure.timeline svg").text_content()
-    assert "black, cd/m²" in shown
-    assert "faintest star, mag" in shown
-    page.close()
+    assert "faintest star, mag" in text
     done = run("predict", masters, *options, "--out", out / "maps", "--frames", "20-26")
     assert "black moves by up to" in done.err

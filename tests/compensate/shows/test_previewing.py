@@ -91,12 +91,11 @@ def test_a_wipe_has_both_in_one_place(masters: Path, tmp_path: Path) -> None:
         assert part.mean() == pytest.approx(other.mean(), rel=0.02)  # of another size
 
 
-@pytest.mark.parametrize("wipe", [False, True])
-def test_a_film_of_a_show(run: Run, masters: Path, tmp_path: Path, wipe: bool) -> None:
+def test_a_film_of_a_show(run: Run, masters: Path, tmp_path: Path) -> None:
     film = tmp_path / "preview.mp4"
     done = run(
         *("preview", masters / "show.####.png", "--scene", "dome_planetarium", "--out", film),
-        *("--workers", 0, "--fps", 30, "--json", *(["--wipe"] if wipe else [])),
+        *("--workers", 0, "--fps", 30, "--json"),
     )
     assert done.code == 0, done.err
     found = json.loads(done.out)
@@ -147,10 +146,7 @@ def test_pyav_is_missed_before_pictures_are_made(
 
 def test_what_cannot_be(run: Run, masters: Path, tmp_path: Path) -> None:
     asked = ("preview", masters / "show.####.png", "--scene", "dome_planetarium", "--out")
-    run(*asked, tmp_path / "p.html").is_refused("p.html", "preview.mp4")
     film = tmp_path / "p.mp4"
-    run(*asked, film, "--display", 0).is_refused("--display", "above 0", "got 0")
-    run(*asked, film, "--exposure", "nan").is_refused("--exposure", "20", "got nan")
     run(*asked, film, "--display", 9, "--exposure", 1).is_refused("--display", "--exposure")
     film.write_bytes(b"a film of somebody's")
     run(*asked, film).is_refused("p.mp4", "--overwrite")
