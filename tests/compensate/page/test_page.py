@@ -155,6 +155,22 @@ def test_the_page_asks_for_nothing_from_outside(tmp_path: Path) -> None:
     assert re.findall(r'(?:src|href)="([^"]*)"', html) == ["data:,"]
 
 
+def test_a_failed_write_leaves_the_old_page_and_no_rubbish(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "page.html"
+    before = write(path)
+
+    def fail(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, "replace", fail)
+    with pytest.raises(InputError, match=r"page.html: wanted to write it, got .*no space left"):
+        write(path, title="Another")
+    assert path.read_text(encoding="utf-8") == before
+    assert [entry.name for entry in tmp_path.iterdir()] == ["page.html"]
+
+
 LIGHT = np.full((5, 7, 3), 0.5, np.float32)
 BAD: dict[str, tuple[list[View], dict[str, Any], str]] = {
     "two sizes": ([View("A", LIGHT), View("B", LIGHT[1:])], {}, r"'B' .*\(5, 7, 3\).*\(4, 7, 3\)"),

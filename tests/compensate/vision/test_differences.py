@@ -9,6 +9,8 @@ import pytest
 
 from compensate.vision.castle import COLORVIDEOVDP, DETAIL, DKL_FROM_XYZ, castle
 from compensate.vision.differences import (
+    EXPONENT,
+    JOD,
     PEAK,
     STILL,
     Reference,
@@ -52,6 +54,10 @@ def amplitude(
     wave = grating(frequency, plane.shape[-1], per_degree / 2**number)[0]
     inner = slice(plane.shape[-1] // 4, -plane.shape[-1] // 4)
     return float(np.mean(plane[:, inner] * wave[inner]) / np.mean(wave[inner] ** 2))
+
+
+def middle(planes: np.ndarray) -> np.ndarray:
+    return planes[..., SIZE // 4 : -SIZE // 4, SIZE // 4 : -SIZE // 4]
 
 
 def low_pass(frequency: float) -> float:
@@ -155,6 +161,34 @@ def test_the_masking_by_hand(wanted: list[float], seen: list[float], size: int) 
     ]
     found = mutually_masked(*(plane.astype(np.float32) for plane in planes))[:, 1, 2]
     assert found == pytest.approx(by_hand(wanted, seen), rel=1e-4)
+
+
+def test_the_whole_by_hand() -> None:
+    """A grating at ten times its threshold: its band's and its neighbours' differences add up."""
+    frequency = 1.614
+    contrast = 10 / sensitivity(0, frequency, 5.0)
+    seen = field(5.0 * (1 + contrast * grating(frequency)))
+    found = visible_difference(field(5.0), seen, PER_DEGREE)
+    total, fourths = 0.0, 0.0
+    for number in range(4):
+        g = 0.5 if number else 1.0
+        place = PEAK if number else 1.0
+        own = place * PER_DEGREE / 2 / 2**number
+        here = frequency / (PER_DEGREE / 2 / 2**number)
+        passed = gain(number, here) / g if here < 1 else 0.0
+        signal = contrast * sensitivity(0, own, 5.0) * passed
+        total += g * by_hand([0, 0, 0], [signal, 0, 0])[0]
+        wave = signal * np.cos(np.linspace(0, 2 * np.pi, 1000, endpoint=False))
+        unclamped = np.abs(wave) ** 2.264355182647705
+        most = 10**2.5642454624176025
+        fourths += np.mean((most * unclamped / (most + unclamped)) ** 2) ** 2
+    # |cos|^p, smoothed by the pyramid's way up, is between its mean and its crest
+    crest = JOD * (STILL * total) ** EXPONENT
+    assert 0.5 * crest < middle(found).mean() < crest
+    assert middle(found).max() == pytest.approx(crest, rel=0.25)
+    # The one figure: root-mean-squares in each band
+    pooled = Reference(field(5.0), PER_DEGREE).pooled(seen)
+    assert pooled[0] == pytest.approx(STILL * fourths**0.25, rel=0.05)
 
 
 def test_thresholds_are_those_of_what_is_lost() -> None:

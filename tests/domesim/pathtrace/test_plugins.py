@@ -64,6 +64,22 @@ def test_eyes_are_level_beside_the_direction_looked_in(mi: Any) -> None:
         np.testing.assert_allclose(toward[2], [0, 0.5, np.sqrt(0.75)], atol=1e-6)
 
 
+def test_camera_can_be_turned_and_moved(mi: Any) -> None:
+    aimed = mi.ScalarTransform4f().look_at([1, 2, 3], [1, 12, 3], [0, 0, -1])
+    origin, toward, _ = rays_of(mi, camera(mi, to_world=aimed), 0.5, 0.5)
+    np.testing.assert_allclose(origin, [1, 2, 3], atol=1e-6)
+    np.testing.assert_allclose(toward, [0, 1, 0], atol=1e-6)
+
+
+def test_camera_crops(mi: Any) -> None:
+    film = {"type": "hdrfilm", "width": 9, "height": 9, "rfilter": {"type": "box"},
+            "crop_offset_x": 2, "crop_offset_y": 4, "crop_width": 3, "crop_height": 5}  # fmt: skip
+    across, down = np.meshgrid((np.arange(3) + 0.5) / 3, (np.arange(5) + 0.5) / 5)
+    _, toward, _ = rays_of(mi, mi.load_dict({"type": "domemaster", "film": film}), across, down)
+    whole = Dome(radius=1.0, half_angle=np.pi / 2).directions(9, 9)
+    np.testing.assert_allclose(toward, whole[4:9, 2:5], atol=1e-6)
+
+
 def test_both_eyes_meet_at_the_convergence(mi: Any) -> None:
     dome = Dome(radius=4.0, half_angle=np.pi / 2)
     for offset in (-0.03, 0.03):
@@ -205,6 +221,18 @@ def test_lights_in_front_and_on_the_right_are_below_and_on_the_right(mi: Any) ->
         row, col = np.unravel_index(picture[..., channel].argmax(), (21, 21))
         assert (row, col) == place
         assert picture[row, col, channel] == pytest.approx(1.0)
+
+
+def test_filters_differ_between_pixels(mi: Any) -> None:
+    """Half way between the centres of two pixels and a little: 0.3 and 0.7 of the way."""
+    picture = np.zeros((2, 2, 3))
+    picture[:, 1] = 1.0
+    theta = 0.2 * np.pi / 2  # u = 0.2, which is 0.7 of the way from -0.5 to 0.5
+    toward = np.array([[np.sin(theta), 0.0, np.cos(theta)]])
+    for filter_type, value in (("nearest", 1.0), ("bilinear", 0.7)):
+        scene = inside_a_sphere(mi, 1.0, projector(mi, picture, filter_type=filter_type))
+        radiance = seen(mi, scene, {"type": "direct"}, [0, 0, 0], toward)
+        np.testing.assert_allclose(radiance, value * ALBEDO / np.pi, rtol=1e-3)
 
 
 def test_path_integrator_is_unbiased_by_it(mi: Any) -> None:
