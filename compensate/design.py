@@ -292,7 +292,8 @@ def theatre(content: Content, *, trace: bool) -> Scene:
     content
         Of its file.
     trace
-        Whether to path-trace it; else radiosity knows screen, floor and wall alone.
+        Whether to path-trace it; else radiosity knows screen, floor and wall alone, and lamps by
+        what they send to the screen.
 
     Raises
     ------
@@ -314,7 +315,7 @@ def left_out(content: Content, *, trace: bool) -> tuple[str, ...]:
     scene = load_scene(content)
     if trace or not isinstance(scene, DomeScene):
         return ()
-    return scene.theatre.beyond_enclosure
+    return replace(scene.theatre, lamps=()).beyond_enclosure
 
 
 # Knobs.
@@ -348,7 +349,7 @@ def _of_dome(content: Content, *, trace: bool) -> Iterator[Knob]:
         yield Knob("gain", "share in the lobe", lobe["share"], (0.0, 0.2, 0.4), gain)
         tilt = content["dome"].get("tilt_deg", 0.0)
         yield Knob("lean", "°", tilt, (0.0, 10.0, 20.0, 30.0), lean)
-    if _stray(content) or (trace and content.get("lamps")):
+    if _stray(content) or content.get("lamps"):
         yield Knob("stray light", "times today's", 1.0, (0.0, 0.25, 0.5, 2.0), _dim)
     yield Knob("lumens", "times today's", 1.0, (0.5, 2.0, 4.0), _brighten)
 

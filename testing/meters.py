@@ -8,7 +8,7 @@ fit has. Lux is summed over the pictures that are seen.
 from __future__ import annotations
 
 import csv
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -16,10 +16,11 @@ from typing import final
 
 import numpy as np
 import scipy.special
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from domesim.measure.dome.meter_table import SIDES, patterns_of
 from domesim.observation.spherical import ClosedFormDome
+from domesim.readings.meter import EYES
 from domesim.room.dome import Dome
 
 Floats = NDArray[np.float64]
@@ -75,6 +76,8 @@ class Room:
         Of projector and meter.
     seed
         Of what is random.
+    room
+        Direct light (1, row, col, primary) -> what is seen of it; a bare dome's if None.
     """
 
     dome: Dome
@@ -83,6 +86,7 @@ class Room:
     black: float
     faults: Faults = NONE
     seed: int = 0
+    room: Callable[[Floats], ArrayLike] | None = None
 
     @cached_property
     def _rng(self) -> np.random.Generator:
@@ -130,8 +134,10 @@ class Room:
         return np.asarray(self.white * codes * self._light[..., None])
 
     def _seen(self, pattern: str) -> Floats:
-        theatre = ClosedFormDome(self.dome, SIZE, SIZE, albedo=self.albedo)
-        return np.asarray(theatre.observe(self._picture(pattern)[None])[0], np.float64)
+        picture = self._picture(pattern)[None]
+        room = self.room or ClosedFormDome(self.dome, SIZE, SIZE, albedo=self.albedo).observe
+        seen: Floats = np.asarray(room(picture), np.float64)
+        return np.asarray(seen[0])
 
     @cached_property
     def _cosine(self) -> Floats:
@@ -154,6 +160,85 @@ class Room:
                 found += self._rng.standard_normal() * real * (np.sqrt(2) if order else 1.0)
         found -= np.average(found, weights=weight)
         return np.asarray(found / np.sqrt(np.average(found**2, weights=weight)))
+
+
+@final
+@dataclass(frozen=True)
+class Pair:
+    """A 3D screen, and a luminance meter before it.
+
+    Parameters
+    ----------
+    shares
+        (eye,) what the left and the right eye see of the other's white, over their own.
+    white, black
+        Through a glass, cd/m².
+    faults
+        Of the meter.
+    """
+
+    shares: tuple[float, float]
+    white: float
+    black: float
+    faults: Faults = NONE
+
+
+def fill_pair(table: Path, pair: Pair, target: Path, seed: int = 0) -> None:
+    """Writes what a luminance meter says into a 3D screen's table.
+
+    Parameters
+    ----------
+    table, target
+        As ``domesim measure patterns --stereo --with luminance`` wrote it, and filled in.
+    pair
+        The screen.
+    seed
+        Of the noise.
+    """
+    random, faults = np.random.default_rng(seed), pair.faults
+    shares = dict(zip(EYES, pair.shares, strict=True))
+    with table.open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    for row in rows:
+        own = row["projector"] == row["filter"]
+        level = 0.0 if row["channel"] == "K" else 1.0 if own else shares[row["filter"]]
+        true = pair.white * level + pair.black
+        said = true + np.hypot(faults.noise * true, faults.floor) * random.standard_normal()
+        row["Lv"] = f"{max(said, 0):.{faults.digits}f}"
+    _write(target, rows)
+
+
+def misread(table: Path, columns: Sequence[str], seed: int) -> None:
+    """Makes one number of a filled-in table wrong: a lapse of whoever wrote it down.
+
+    A decimal point that slipped, two digits exchanged, or another number of 1.1 to 3 times.
+
+    Parameters
+    ----------
+    table
+        The table; it is changed.
+    columns
+        The columns of light.
+    seed
+        Of what is random.
+    """
+    random = np.random.default_rng(seed)
+    with table.open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    cells = [(row, name) for row in rows for name in columns if row.get(name)]
+    row, name = cells[int(random.integers(len(cells)))]
+    said, kind = row[name], int(random.integers(3))
+    digits = [at for at, mark in enumerate(said[:-1]) if mark.isdigit() and said[at + 1].isdigit()]
+    unlike = [at for at in digits if said[at] != said[at + 1]]
+    if kind == 0:
+        row[name] = f"{float(said) * random.choice((0.1, 10.0)):.6g}"
+    elif kind == 1 and unlike:
+        at = unlike[0]
+        row[name] = said[:at] + said[at + 1] + said[at] + said[at + 2 :]
+    else:
+        times = float(np.exp(random.choice((-1, 1)) * random.uniform(np.log(1.1), np.log(3))))
+        row[name] = f"{float(said) * times:.4f}"
+    _write(table, rows)
 
 
 def fill(table: Path, room: Room, target: Path, *, empty: Sequence[str] = ()) -> None:
@@ -184,6 +269,10 @@ def fill(table: Path, room: Room, target: Path, *, empty: Sequence[str] = ()) ->
             values |= {"x": values["X"] / total, "y": values["Y"] / total}
         row.update({name: f"{value:.{room.faults.digits}f}" for name, value in values.items()
                     if name in row})  # fmt: skip
+    _write(target, rows)
+
+
+def _write(target: Path, rows: Sequence[dict[str, str]]) -> None:
     with target.open("w", newline="") as file:
         writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
         writer.writeheader()

@@ -2,17 +2,28 @@
 
 from __future__ import annotations
 
+import tempfile
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import final
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
+from domesim.errors import InputError
 from domesim.measure.crosstalk_photographs import crosstalk_maps
-from domesim.measure.photographs import Corners, Glass, Photographs, by_edges
+from domesim.measure.photographs import (
+    Corners,
+    Glass,
+    Photographs,
+    by_edges,
+    on_screen,
+    read_photographs,
+)
 from domesim.observation.uncertain import SIGMAS
 from domesim.readings.meter import EYES
+from testing.raws import store_raw
 
 Floats = NDArray[np.float64]
 
@@ -60,6 +71,30 @@ def photographed(
 
     Crosstalk varies as on the paper's screens (1.1 % to 2.0 %).
     """
+    drawn = _drawn(rng, size)
+    glasses = []
+    for eye, lights in zip(EYES, drawn.light, strict=True):
+        black = _noisy(rng, np.zeros(size))
+        net = {name: {"W": _noisy(rng, lights[name]) - black} for name in lights}
+        glasses.append(Glass(eye, net))
+    return (glasses[0], glasses[1]), drawn.corners, drawn.cells
+
+
+@final
+@dataclass(frozen=True)
+class _Drawn:
+    """A screen as it is: light through each glass, (row, col) of both projectors' white.
+
+    And (eye, row, col) crosstalk of cells, and (eye,) that of the whole screen through the lens.
+    """
+
+    light: tuple[dict[str, Floats], dict[str, Floats]]
+    corners: Corners
+    cells: Floats
+    system: Floats
+
+
+def _drawn(rng: np.random.Generator, size: tuple[int, int]) -> _Drawn:
     rows, cols = size
     inset = np.array([(0.08, 0.1), (0.92, 0.1), (0.92, 0.9), (0.08, 0.9)]) * (cols, rows)
     askew = rng.uniform(-0.04, 0.04, (4, 2)) * rows
@@ -72,7 +107,9 @@ def photographed(
     falling = 1 - 0.4 * (4 * x**2 + 2 * y**2) / 1.5 - 0.2 * x
     finely = [(np.arange(10 * count) + 0.5) / (10 * count) - 0.5 for count in CELLS]
     middle = np.meshgrid(finely[1], finely[0])
-    glasses, truth = [], []
+    pixels = corners.places(*np.meshgrid(np.arange(cols) + 0.5, np.arange(rows) + 0.5))
+    seen = on_screen(pixels)
+    lights, cells, system = [], [], []
     for eye in EYES:
         a = rng.normal(0, (0.2, 0.2, 0.6, 0.6, 0.3))
 
@@ -82,13 +119,11 @@ def photographed(
 
         own = _in_pixels(WALL + on * (falling - WALL))
         other = _in_pixels(LEAK * WALL + on * (falling * map_(x, y) - LEAK * WALL))
-        black = _noisy(rng, np.zeros(size))
-        shown = {eye: own, EYES[1 - EYES.index(eye)]: other}
-        net = {name: {"W": _noisy(rng, light) - black} for name, light in shown.items()}
-        glasses.append(Glass(eye, net))
-        cells = map_(middle[0], middle[1]).reshape(CELLS[0], 10, CELLS[1], 10)
-        truth.append(cells.mean(axis=(1, 3)))
-    return (glasses[0], glasses[1]), corners, np.array(truth)
+        lights.append({eye: own, EYES[1 - EYES.index(eye)]: other})
+        means = map_(middle[0], middle[1]).reshape(CELLS[0], 10, CELLS[1], 10)
+        cells.append(means.mean(axis=(1, 3)))
+        system.append(other[seen].sum() / own[seen].sum())
+    return _Drawn((lights[0], lights[1]), corners, np.array(cells), np.array(system))
 
 
 def _covered(place: Floats) -> Floats:
@@ -105,9 +140,11 @@ def _in_pixels(light: Floats) -> Floats:
     return np.asarray(blurred.reshape(rows, _FINER, cols, _FINER).mean(axis=(1, 3)))
 
 
-def _noisy(rng: np.random.Generator, light: Floats) -> NDArray[np.float32]:
-    seen = (light + DARK)[..., None] * np.array([0.45, 0.5, 0.35])
-    spread = np.sqrt(READ_OUT**2 + PHOTONS * seen)
+def _noisy(
+    rng: np.random.Generator, light: Floats, read_out: float = READ_OUT, dark: float = DARK
+) -> NDArray[np.float32]:
+    seen = (light + dark)[..., None] * np.array([0.45, 0.5, 0.35])
+    spread = np.sqrt(read_out**2 + PHOTONS * seen)
     return np.asarray(seen + spread * rng.standard_normal(seen.shape), np.float32)
 
 
@@ -133,6 +170,90 @@ def screen(seed: int, wrong: float, size: tuple[int, int]) -> Screen:
         errors,
         float(np.sqrt(np.mean(off**2))) if seen else np.nan,
         float(np.sqrt(np.mean(off**2 / np.diag(found.covariance)))) if seen else np.nan,
+    )
+
+
+@final
+@dataclass(frozen=True)
+class RawScreen:
+    """One screen in a camera's raw files.
+
+    Attributes
+    ----------
+    off, error
+        (eye,) error of the whole screen's crosstalk in standard errors, and these relative to the
+        truth.
+    cells
+        Share of cells of both eyes' maps whose 95 % interval holds the truth.
+    refused
+        What the product said if it refused the photographs; nothing else is told then.
+    """
+
+    off: list[float]
+    error: list[float]
+    cells: float
+    refused: str = ""
+
+
+def raw_screen(
+    seed: int,
+    size: tuple[int, int],
+    *,
+    bits: int = 14,
+    read_out: float = 1.0,
+    slip: float = 1.0,
+    said: bool = True,
+) -> RawScreen:
+    """Photograph a screen by a camera that saves raw files, and measure.
+
+    Parameters
+    ----------
+    seed
+        Seed of all random numbers.
+    size
+        Pixels of a photograph: half as many as the sensor's.
+    bits, read_out
+        Of a code; and standard deviation of a pixel in the dark, codes.
+    slip
+        Exposure of one photograph, over that of the others.
+    said
+        Whether the camera wrote its exposures down.
+    """
+    rng = np.random.default_rng([seed, 55])
+    drawn = _drawn(rng, size)
+    slipped, dark = int(rng.integers(6)), DARK * rng.uniform(0.2, 1.2)
+    read = np.round(drawn.corners.at + 0.5 * rng.standard_normal((4, 2)), 1).tolist()
+    lines = ["[photographs]", f"corners = {read}"]
+    with tempfile.TemporaryDirectory() as name:
+        folder, number = Path(name), 0
+        for eye, lights in zip(EYES, drawn.light, strict=True):
+            lines.append(f"[photographs.{eye}]")
+            for shown, light in (("black", np.zeros(size)), *lights.items()):
+                times = slip if number == slipped else 1.0
+                shot = _noisy(rng, light, read_out / (2**bits - 1), dark) * (0.95 * times)
+                seconds = times / 60 if said else 0.0
+                store_raw(
+                    folder / f"{eye}-{shown}.dng",
+                    np.asarray(shot, np.float64),
+                    bits=bits,
+                    seconds=seconds,
+                )
+                lines.append(f'{shown} = "{eye}-{shown}"')
+                number += 1
+        listed = folder / "photographs.toml"
+        listed.write_text("\n".join([*lines, "[projector]", "white_cd_m2 = 15.0"]))
+        try:
+            shots = read_photographs(listed)
+            maps = crosstalk_maps(shots, CELLS, size[1] / size[0])
+        except InputError as error:
+            return RawScreen([], [], np.nan, str(error).removeprefix(name))
+    found = np.array([(each.system, each.system_error) for each in maps]).T
+    cells = np.array([each.system * each.share for each in maps])
+    errors = np.array([each.system * each.share_error for each in maps])
+    return RawScreen(
+        ((found[0] - drawn.system) / found[1]).tolist(),
+        (found[1] / drawn.system).tolist(),
+        float(np.mean(np.abs(cells - drawn.cells) < SIGMAS * errors)),
     )
 
 

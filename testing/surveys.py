@@ -6,15 +6,20 @@ are explained: then nothing but the stated faults differs.
 
 from __future__ import annotations
 
+import tempfile
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import final
 
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image
 
+from domesim.errors import InputError
 from domesim.measure.dome.camera import SURFACES, Camera, looked_at, places_in
+from domesim.measure.dome.file import read_survey
 from domesim.measure.dome.model import Interreflection, Places, nominal_albedos, surfaces_of
 from domesim.measure.dome.nuisances import Errors
 from domesim.measure.dome.photographs import Photographs, direct_light
@@ -24,7 +29,9 @@ from domesim.measure.dome.without_geometry import DEGREE, found_in
 from domesim.room.dome import Dome
 from domesim.room.theatre import Floor, Theatre, Wall
 from domesim.scene.fields import three
+from domesim.scene.writing import as_toml
 from testing.laboratory import NOISE, Faults, patterns_for, photographed, sectors_for
+from testing.raws import store_raw
 
 Floats = NDArray[np.float64]
 Noise = Callable[[np.random.Generator, Floats], Floats]
@@ -36,6 +43,10 @@ PATTERN, PHOTOGRAPH = 128, 96
 GAIN = (0.6, 0.8, 1.0)
 AMBIENT = 0.003
 STATED = Errors()
+_MIX = np.array([[0.8, 0.15, 0.05], [0.1, 0.8, 0.1], [0.02, 0.18, 0.8]])
+"""(channel, primary) what a sensor's channel sees."""
+_EXPOSED = 0.3
+"""What a sensor makes of light: white with all that it reflects is below 1."""
 
 
 @final
@@ -78,6 +89,7 @@ def computed(
     moved: Camera | None = None,
     vignetting: Sequence[float] | Floats = (0.0, 0.0),
     model: Sequence[float] | Floats = (0.0, 0.0, 0.0),
+    resolution: int = RESOLUTION,
 ) -> Photographs:
     """Photographs of patterns, one each, by radiosity at each pixel.
 
@@ -98,6 +110,8 @@ def computed(
         of the distance from the middle, and by what grows with its fourth power.
     model
         Reflected light on screen, floor and wall over that of the model, less 1.
+    resolution
+        Of radiosity.
     """
     moved = camera if moved is None else moved
     u, v = places_in(PHOTOGRAPH)
@@ -112,7 +126,7 @@ def computed(
     row, col = theatre.dome.pixel_of(rays, lit.shape[1])
     direct[:, screen] = lit[:, row, col]
     places = Places(kinds, points[on][:, None], direct)
-    room = Interreflection(theatre, patterns, RESOLUTION)
+    room = Interreflection(theatre, patterns, resolution)
     seen, albedos = room.seen_from(places), nominal_albedos(theatre)
     light = np.zeros((len(patterns), *u.shape, 3))
     for p in range(3):
@@ -191,6 +205,97 @@ def described(real: Theatre, rng: np.random.Generator, walls: Walls | None = Non
 
 @final
 @dataclass(frozen=True)
+class Sensor:
+    """A camera that saves raw files, in its own colours.
+
+    Parameters
+    ----------
+    bits
+        Of a code.
+    read_out
+        Standard deviation of a pixel in the dark, codes.
+    slip, slipped
+        Exposure of one photograph over that of the others, and which.
+    said
+        Whether it writes its exposures down.
+    """
+
+    bits: int
+    read_out: float
+    slip: float = 1.0
+    slipped: int = 0
+    said: bool = True
+
+    def noise(self, rng: np.random.Generator, light: Floats) -> Floats:
+        """Noise of 1 % of the light, and of read-out."""
+        codes = (2**self.bits - 1) * _EXPOSED
+        spread = np.hypot(NOISE * light, self.read_out / codes)
+        return np.asarray(spread * rng.standard_normal(light.shape))
+
+    @property
+    def gains(self) -> Floats:
+        """(primary,) what a photograph has of a unit of light."""
+        return _EXPOSED * np.diag(_MIX)
+
+    def stored(self, folder: Path, dome: Dome, patterns: Floats, shots: Photographs) -> Path:
+        """Writes raw files, and the survey that lists them.
+
+        Parameters
+        ----------
+        folder
+            Where to.
+        dome
+            The screen.
+        patterns
+            (pattern, row, col, primary), black first, of which `shots` has one each, and then the
+            primaries.
+        shots
+            The photographs.
+        """
+        content = {
+            "name": "theatre",
+            "dome": {
+                "radius_m": dome.radius,
+                "half_angle_deg": float(np.degrees(dome.half_angle)),
+                "tilt_deg": float(np.degrees(dome.tilt)),
+            },
+            "screen": {"albedo": 0.5},
+            "projector": {"white_cd_m2": 8.0},
+            "viewing": {"adaptation_cd_m2": 0.5},
+        }
+        (folder / "theatre.toml").write_text(as_toml(content))
+        camera, colours = shots.camera, ("red", "green", "blue")
+        lines = [
+            'theatre = "theatre.toml"',
+            "[camera]",
+            f"position_m = {list(camera.position)}",
+            f"look_at_m = {list(camera.look_at)}",
+            f"field_deg = {float(np.degrees(camera.field))}",
+            "[colours]",
+            *(f'{name} = {{ file = "{name}" }}' for name in ("black", *colours)),
+        ]
+        names = ["black", *(str(number) for number in range(1, len(patterns))), *colours]
+        for number, (name, light) in enumerate(zip(names, shots.light @ _MIX.T, strict=True)):
+            times = self.slip if number == self.slipped else 1.0
+            exposed = np.minimum(_EXPOSED * times * light, 1)
+            seconds = times / 60 if self.said else 0.0
+            store_raw(folder / f"{name}.dng", exposed, bits=self.bits, seconds=seconds)
+            if number < len(patterns):
+                Image.fromarray(np.round(255 * patterns[number]).astype(np.uint8)).save(
+                    folder / f"pattern-{name}.png"
+                )
+                lines += ["[[photographs]]", f'file = "{name}"', f'pattern = "pattern-{name}.png"']
+        (folder / "survey.toml").write_text("\n".join(lines))
+        return folder / "survey.toml"
+
+
+def _primaries(patterns: Floats) -> Floats:
+    """(primary, row, col, primary) full red, green and blue."""
+    return np.asarray(patterns[1] * np.eye(3)[:, None, None])
+
+
+@final
+@dataclass(frozen=True)
 class Trial:
     """What a survey of one theatre found.
 
@@ -204,12 +309,22 @@ class Trial:
         Whether all was answered.
     cpu_s
         CPU time of the fit, s.
+    plausible
+        Whether noise explains the photographs.
+    refused
+        What the product said if it refused the photographs; nothing else is told then.
     """
 
     z: dict[str, tuple[float, ...]]
     off: dict[str, tuple[float, ...]]
     complete: bool
     cpu_s: float
+    plausible: bool = True
+    refused: str = ""
+
+
+def _refused(words: str) -> Trial:
+    return Trial({}, {}, complete=False, cpu_s=0.0, plausible=False, refused=words)
 
 
 def surveyed(
@@ -218,6 +333,7 @@ def surveyed(
     walls: Walls | None = None,
     noise: Noise = even,
     traced: bool = False,
+    sensor: Sensor | None = None,
     resolution: int = RESOLUTION,
 ) -> Trial:
     """Photograph a random theatre and measure it.
@@ -232,8 +348,11 @@ def surveyed(
         Noise of computed photographs.
     traced
         Whether photographs are path-traced, with noise of an ordinary camera.
+    sensor
+        What computed photographs are taken by, as raw files that a survey lists; if None, they are
+        light itself.
     resolution
-        Of radiosity, by which photographs are explained.
+        Of radiosity, by which photographs are computed and explained.
     """
     rng = np.random.default_rng(seed)
     stated, camera = theatre(rng, walls)
@@ -253,12 +372,31 @@ def surveyed(
     else:
         errors = np.array([STATED.model_screen, STATED.model_others, STATED.model_others])
         model = errors * off.model
-        shots = computed(real, camera, patterns, rng, noise, moved, vignetting, model)
+        lit = patterns if sensor is None else np.concatenate([patterns, _primaries(patterns)])
+        noise = noise if sensor is None else sensor.noise
+        shots = computed(real, camera, lit, rng, noise, moved, vignetting, model, resolution)
     told = described(stated, rng, walls)
+    gain = np.array(GAIN)
+    if sensor is not None:
+        with tempfile.TemporaryDirectory() as folder:
+            listed = sensor.stored(Path(folder), stated.dome, patterns, shots)
+            try:
+                read = read_survey(listed).photographs
+            except InputError as error:
+                return _refused(str(error).removeprefix(folder))
+        assert read is not None
+        shots, gain = read, gain * sensor.gains
     started = time.process_time()
-    found = survey_of(told, patterns, shots, {}, STATED, profile=False, resolution=resolution)[1]
+    try:
+        found = survey_of(told, patterns, shots, {}, STATED, profile=False, resolution=resolution)[
+            1
+        ]
+    except InputError as error:
+        if sensor is None:
+            raise
+        return _refused(str(error))
     seconds = time.process_time() - started
-    truth = np.concatenate([[GAIN], nominal_albedos(real)])
+    truth = np.concatenate([[gain], nominal_albedos(real)])
 
     def by_name(values: Floats) -> dict[str, tuple[float, ...]]:
         return {name: tuple(row.tolist()) for name, row in zip(found.names, values, strict=True)}
@@ -269,7 +407,7 @@ def surveyed(
         z[kind] = tuple(
             (value - one) / error for (value, error), one in zip(pairs, true.tolist(), strict=True)
         )
-    return Trial(z, by_name(found.value / truth - 1), found.complete, seconds)
+    return Trial(z, by_name(found.value / truth - 1), found.complete, seconds, found.plausible)
 
 
 @final

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from image_files import store
 from rigs import LEFT, RIGHT, TO_LEFT, TO_RIGHT
-from sensors import store_raw
+
+from testing.raws import store_raw
 
 SIZE = (45, 77)
 EYES = ("left", "right")

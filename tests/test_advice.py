@@ -22,7 +22,6 @@ import pytest
 from command_line import run_for_real
 from image_files import save, store
 from plain_files import write_dpx
-from sensors import store_raw
 from stored_masters import picture
 from videos import FFV1, KINDS, UNSAID, Kind, number_of, write_numbered, write_video, x264
 
@@ -31,6 +30,7 @@ from domesim.errors import InputError
 from domesim.frames import Frame, read_frame, read_master
 from domesim.frames.encodings import encoding_named
 from domesim.frames.video import frame_paths
+from testing.raws import store_raw
 
 HERE = Path(__file__).parents[1]
 TRIED: set[str] = set()

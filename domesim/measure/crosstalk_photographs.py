@@ -235,6 +235,11 @@ def _map(
         )
     share, covariance = smoothed(q, np.maximum(error, 1e-9), aspect)
     moved, moved_system = _moved(share, cells.reshape(share.shape), photographs.corners)
+    if photographs.rounding > 0:  # adds the same to the other's light all over
+        added = photographs.rounding * np.linalg.norm(BT709_LUMINANCE)
+        pixels = np.bincount(parts.cell)
+        moved = np.concatenate([moved, added * (pixels / cells)[None]])
+        moved_system = np.append(moved_system, added * pixels.sum() / cells.sum())
     covariance = covariance + moved.T @ moved
     system_error = float(np.hypot(system_error, np.linalg.norm(moved_system)))
     if not (system > 0 and share.min() > 0):

@@ -47,7 +47,15 @@ from domesim.frames.encodings import encoding_named
 from domesim.host.texts import toml_in
 from domesim.light.ties import root_of
 from domesim.measure.edges import found_corners
-from domesim.measure.raws import MOST_CLIPPED, clipped, photograph_named, read_photograph
+from domesim.measure.raws import (
+    MOST_CLIPPED,
+    clipped,
+    photograph_named,
+    read_photograph,
+    refuse_slipped,
+    written_exposure,
+)
+from domesim.measure.rounding import scatter_of, shared_rounding, step_of
 from domesim.readings.meter import EYES
 from domesim.readings.tables import text_of
 
@@ -207,6 +215,9 @@ class Photographs:
         Name of the projectors'; None if the file does not say.
     digest
         SHA-256 of all files.
+    rounding
+        Standard error of light, black subtracted, that all pixels share: the codes are coarser than
+        the noise of the dark.
     """
 
     source: str
@@ -217,6 +228,7 @@ class Photographs:
     black: float
     primaries: str | None
     digest: str
+    rounding: float = 0.0
 
 
 def lists_photographs(path: Path) -> bool:
@@ -274,6 +286,7 @@ def read_photographs(path: Path) -> Photographs:
             f"{path}: photographs.corners must hold the screen, got {np.count_nonzero(on)} pixels"
         )
     reader.refuse_saturated(on)
+    reader.refuse_slipped()
     lit = file.projector
     return Photographs(
         str(path),
@@ -284,6 +297,7 @@ def read_photographs(path: Path) -> Photographs:
         lit.black_cd_m2,
         lit.primaries,
         reader.digest(path),
+        reader.rounding,
     )
 
 
@@ -334,6 +348,9 @@ class _Reader:
         self._full: list[tuple[Path, float, NDArray[np.bool_]]] = []
         self._first: Path | None = None
         self._read: list[Path] = []
+        self._steps: list[float] = []
+        self._scatter: list[Floats] = []
+        self._written: list[tuple[Path, float | None, float]] = []
         self.size: tuple[int, int] | None = None
 
     def mean(self, files: Files) -> Samples:
@@ -351,11 +368,25 @@ class _Reader:
                     f"photographs shorter, or say what value is full (saturation)"
                 )
 
+    def refuse_slipped(self) -> None:
+        refuse_slipped(
+            self._written, way_out="take it again: all must have one time, ISO and aperture"
+        )
+
     def digest(self, path: Path) -> str:
         digest = hashlib.sha256(path.read_bytes())
         for file in self._read:
             digest.update(hashlib.sha256(file.read_bytes()).digest())
         return digest.hexdigest()
+
+    @property
+    def rounding(self) -> float:
+        """Standard error that pixels share, of the darkest photograph less another."""
+        step = min((each for each in self._steps if each > 0), default=0.0)
+        if step == 0:
+            return 0.0
+        scatter = [np.minimum(each / step**2, 1).mean() for each in self._scatter]
+        return float(step * np.sqrt(2 * shared_rounding(np.array(min(scatter)))))
 
     def _one(self, path: Path) -> Samples:
         path = photograph_named(path)
@@ -375,6 +406,9 @@ class _Reader:
                 f"got {size[1]} x {size[0]}; the camera must not move between photographs"
             )
         self._read.append(path)
+        self._steps.append(step_of([frame.pixels]))
+        self._scatter.append(scatter_of(frame.pixels))
+        self._written.append((path, written_exposure(frame), 1.0))
         self._full.append((path, *clipped(frame, self._saturation)))
         return frame.pixels
 

@@ -9,6 +9,7 @@ held.
 from __future__ import annotations
 
 import glob
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +28,10 @@ from domesim.frames.reading import read_image
 MOST_CLIPPED = 1e-3
 """Share of pixels: some are stuck in any camera."""
 _LEAST_BITS = 10
+_EXPOSURE = ("expTime", "isoSpeed", "aperture")
+_SLIPPED = 1.15
+"""Times from which an exposure is another one: cameras' steps are thirds of a stop, 1.26, and are
+rounded by up to a tenth (1/60 s is 1/64)."""
 _JPEGS, _NOT_PHOTOGRAPHS = (".jpg", ".jpeg", ".heic", ".heif"), (".xmp", ".json", ".txt", ".pp3")
 _NEARLY = 0.995  # of a full pixel
 _TURNS = {0: 0, 3: 2, 5: 1, 6: 3}  # LibRaw's flip -> quarters, counter-clockwise
@@ -111,14 +116,74 @@ def clipped(frame: Frame, full: float | None = None) -> tuple[float, NDArray[np.
     return limit, np.asarray((frame.pixels >= _NEARLY * limit).any(axis=-1))
 
 
-def _of_sensor(path: Path) -> Frame:
+def written_exposure(frame: Frame) -> float | None:
+    """The exposure that the camera wrote down: s x ISO / aperture²; None if it did not.
+
+    Parameters
+    ----------
+    frame
+        As read by `read_photograph`.
+    """
+    said = {name: value for name, _, value in frame.header.attributes if name in _EXPOSURE}
+    if "expTime" not in said:
+        return None
+    return float(
+        said["expTime"] * said.get("isoSpeed", 100.0) / 100 / said.get("aperture", 1.0) ** 2
+    )
+
+
+def refuse_slipped(exposures: Sequence[tuple[Path, float | None, float]], *, way_out: str) -> None:
+    """See that photographs were exposed as somebody says.
+
+    Parameters
+    ----------
+    exposures
+        Of each photograph: its file, what the camera wrote down, what is said of it.
+    way_out
+        What to do about one that was not.
+
+    Raises
+    ------
+    InputError
+        If a camera wrote down another exposure, relative to that of the others.
+    """
+    known = [(path, written / said) for path, written, said in exposures if written is not None]
+    if not known:
+        return
+    usual = float(np.median([each for _, each in known]))
+    path, most = max(known, key=lambda one: abs(np.log(one[1] / usual)))
+    if abs(np.log(most / usual)) > np.log(_SLIPPED):
+        raise InputError(
+            f"{path}: by what the camera wrote into it, it was exposed {most / usual:.3g} times as "
+            f"much as is said, compared with the other photographs; {way_out}"
+        )
+
+
+def require_reader(source: Path | str) -> Any:
+    """LibRaw's bindings.
+
+    Parameters
+    ----------
+    source
+        What needs them, for the message.
+
+    Raises
+    ------
+    InputError
+        If the extra ``raw`` is not installed.
+    """
     try:
         import rawpy  # noqa: PLC0415 - most photographs are pictures
     except ModuleNotFoundError:
         raise InputError(
-            f"{path}: cameras' raw files need the extra 'raw': pip install 'domesim[raw]'. Or "
+            f"{source}: cameras' raw files need the extra 'raw': pip install 'domesim[raw]'. Or "
             f"develop it ({ADVICE['develop'].given()})."
         ) from None
+    return rawpy
+
+
+def _of_sensor(path: Path) -> Frame:
+    rawpy = require_reader(path)
     try:
         with rawpy.imread(str(path)) as raw:
             return _developed(path, raw)
@@ -155,4 +220,12 @@ def _developed(path: Path, raw: Any) -> Frame:
     np.maximum(pixels, 1, out=pixels, where=full)
     turned = np.ascontiguousarray(np.rot90(pixels, _TURNS.get(raw.sizes.flip, 0)))
     linear = encoding_named("linear")
-    return Frame(turned, path, linear, bits=white.bit_length(), floating=False, header=Header())
+    header = Header(attributes=_said_of_the_exposure(raw.other))
+    return Frame(turned, path, linear, bits=white.bit_length(), floating=False, header=header)
+
+
+def _said_of_the_exposure(said: Any) -> tuple[tuple[str, str, float], ...]:
+    """What the camera wrote down, as OpenEXR's standard attributes; 0 is nothing."""
+    values = (said.shutter_speed, said.iso_speed, said.aperture)
+    named = zip(_EXPOSURE, values, strict=True)
+    return tuple((name, "float", float(value)) for name, value in named if value > 0)

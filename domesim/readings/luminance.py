@@ -8,7 +8,7 @@ luminance of white does not tell.
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import final
@@ -20,7 +20,7 @@ from domesim.errors import InputError
 from domesim.host.numbers import decimal
 from domesim.readings.crosstalk import BRIGHTEST_LEAK
 from domesim.readings.meter import CHANNELS, EYES, light_of
-from domesim.readings.noise import Noise, estimated_noise, with_digits
+from domesim.readings.noise import Noise, estimated_noise, note_odd_repeats, with_digits
 from domesim.readings.response import SIGMAS
 from domesim.readings.tables import Table, read_table
 
@@ -104,7 +104,7 @@ def measured_shares(table: Table) -> LuminanceReadings:
     table.require((*wanted, "level", "note", "X", "Y", "Z"), wanted)
     table.mistakes.raise_any()
     rows = table.filled((light,))
-    read: dict[tuple[str, str], list[float]] = defaultdict(list)
+    read: dict[tuple[str, str], list[tuple[int, Floats]]] = defaultdict(list)
     for row in rows:
         projector = table.word(row, "projector", EYES)
         eye = table.word(row, "filter", EYES)
@@ -112,20 +112,26 @@ def measured_shares(table: Table) -> LuminanceReadings:
         value = light_of(table, row, (light,))
         full = str(row.cells.get("level", "1.0")) in ("1", "1.0", "0", "0.0")
         if projector and eye and value is not None and channel in ("K", "W") and full:
-            read[eye, "K" if channel == "K" else projector].append(float(value[0]))
+            read[eye, "K" if channel == "K" else projector].append((row.line, value))
     for eye in EYES:
         for shown in ("K", *EYES):
             if (eye, shown) not in read:
-                what = "black (K)" if shown == "K" else f"white (W) of the {shown} projector"
-                table.mistakes.add(0, f"no reading of {what} through the {eye} filter; read it")
+                table.mistakes.add(0, f"no reading of {_told(eye, shown)}; read it")
     table.mistakes.raise_any()
-    repeats = [np.array(each)[:, None] for each in read.values() if len(each) > 1]
-    noise = with_digits(estimated_noise(repeats, Noise()), table, rows, (light,))
-    left, right = (_share(table, eye, read, noise) for eye in EYES)
+    values = {of: np.array([value for _, value in each]) for of, each in read.items()}
+    noise = with_digits(estimated_noise(values.values(), Noise()), table, rows, (light,))
+    note_odd_repeats(((_told(*of), each) for of, each in read.items()), noise, table.mistakes)
+    table.mistakes.raise_any()
+    left, right = (_share(table, eye, values, noise) for eye in EYES)
     return LuminanceReadings((left, right), noise, len(table.rows) - len(rows))
 
 
-def _share(table: Table, eye: str, read: dict[tuple[str, str], list[float]], noise: Noise) -> Share:
+def _told(eye: str, shown: str) -> str:
+    what = "black (K)" if shown == "K" else f"white (W) of the {shown} projector"
+    return f"{what} through the {eye} filter"
+
+
+def _share(table: Table, eye: str, read: Mapping[tuple[str, str], Floats], noise: Noise) -> Share:
     other = EYES[1 - EYES.index(eye)]
     (own, own_variance), (leak, leak_variance), (black, black_variance) = (
         _mean(read[eye, shown], noise) for shown in (eye, other, "K")
@@ -150,6 +156,6 @@ def _share(table: Table, eye: str, read: dict[tuple[str, str], list[float]], noi
     return Share(eye, max(share, 0.0), error, white, black)
 
 
-def _mean(values: Sequence[float], noise: Noise) -> tuple[float, float]:
+def _mean(values: Floats, noise: Noise) -> tuple[float, float]:
     mean = np.mean(values)
     return float(mean), float(noise.variance(np.array(mean), len(values)))

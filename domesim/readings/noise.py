@@ -19,13 +19,17 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from domesim.errors import InputError
+from domesim.host.numbers import decimal
 from domesim.light.ties import ascending
-from domesim.readings.tables import Row, Table
+from domesim.readings.tables import Mistakes, Row, Table
 
 Floats = NDArray[np.float64]
 
 MIN_FREEDOM = 20
 """Degrees of freedom of repeats (X, Y and Z count each) below which the stated figure is used."""
+_ODD = 8.0
+"""Standard deviations of a reading from which one does not repeat the others: 8 % of light, if
+nothing else is known."""
 _SURE = 1e-4
 """Where two searches end in the same minimum, their ends differ by less."""
 
@@ -101,6 +105,35 @@ def estimated_noise(repeats: Iterable[Floats], stated: Noise) -> Noise:
     relative, absolute = (max(float(value), 1e-12) for value in np.exp(best))
     count = int(freedom.sum())
     return Noise(relative, absolute, f"from repeated readings, {count} degrees of freedom")
+
+
+def note_odd_repeats(
+    repeats: Iterable[tuple[str, Sequence[tuple[int, Floats]]]], noise: Noise, mistakes: Mistakes
+) -> None:
+    """Notes repeats that are no repeats: too far from the median of all of them.
+
+    Parameters
+    ----------
+    repeats
+        Of each thing that was read: what it is, and line and values (channel,) of each time.
+    noise
+        Noise of one reading.
+    mistakes
+        Where they are noted, with their lines.
+    """
+    for what, group in repeats:
+        values = np.array([value for _, value in group])
+        middle = np.median(values, axis=0)
+        apart = np.abs(values - middle) / np.sqrt(noise.variance(middle))
+        for (line, _), value, off in zip(group, values, apart, strict=True):
+            if off.max() > _ODD:
+                channel = int(off.argmax())
+                mistakes.add(
+                    line,
+                    f"{what} must repeat what was read of it, about "
+                    f"{decimal(float(middle[channel]))}, got {decimal(float(value[channel]))}; "
+                    f"read it again, or delete the wrong row",
+                )
 
 
 def with_digits(noise: Noise, table: Table, rows: Sequence[Row], columns: Sequence[str]) -> Noise:

@@ -31,7 +31,7 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
         "only_visible",
         "user_study",
     ),
-    "Measuring": ("surveys", "photographed_crosstalk", "by_eye", "meters"),
+    "Measuring": ("surveys", "photographed_crosstalk", "by_eye", "meters", "raws", "in_rooms"),
     "Shows: what it costs": ("costs", "shows", "live"),
 }
 """Names of the experiments, in the report's order, by heading."""

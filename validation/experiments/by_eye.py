@@ -276,8 +276,11 @@ def _as_scene(kind: Kind, values: Mapping[str, Floats]) -> DomeScene | StereoSce
 
 
 def _picture(kind: Kind, scene: DomeScene | StereoScene) -> Light:
-    if kind == "stereo":
-        return generated(WIDE[kind])
+    return night_in(scene, WIDE[kind]) if isinstance(scene, DomeScene) else generated(WIDE[kind])
+
+
+def night_in(scene: DomeScene, size: int) -> Light:
+    """The bundled night as a dome of `size` pixels shows it."""
     night = decoded(bundled_night(), scene)
-    night = averaged(night, night.shape[1] // WIDE[kind])
+    night = averaged(night, night.shape[1] // size)
     return within_range(night, scene.screen(*night.shape[1:3]))[0]

@@ -197,6 +197,11 @@ class Room:
     exhausted: bool = False
 
 
+def small_theatre(*, furnished: bool = True) -> DomeScene:
+    """A small theatre with floor and wall, and with seats and a console or without."""
+    return _scene({**_PLAN, **_FURNITURE} if furnished else _PLAN)
+
+
 def _scene(content: Mapping[str, Any]) -> DomeScene:
     scene = scene_of_text(as_toml(dict(content)), "plan", Path())
     assert isinstance(scene, DomeScene)
@@ -231,7 +236,7 @@ def room(name: str, effort: Effort, seed: int) -> Room:
     """Measure a room without its lamps, which are no part of its transport; and compensate."""
     if name == DESCRIBED:
         return described_room(effort, seed)
-    scene = load_dome(name) if name != SMALL else _scene({**_PLAN, **_FURNITURE})
+    scene = load_dome(name) if name != SMALL else small_theatre()
     scene = replace(scene, theatre=replace(scene.theatre, lamps=()))
     found = _measured(scene, effort, seed)
     tracer = Tracer(scene.theatre)

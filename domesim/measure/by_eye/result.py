@@ -8,7 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from domesim.frames.colour import ProjectorResponse, transfer_in_words
 from domesim.host.numbers import decimal
+from domesim.light.transfer import named
 from domesim.measure.by_eye.albedo import albedos_of
 from domesim.measure.by_eye.estimate import Estimate, Response, Shares, estimated
 from domesim.measure.by_eye.session import SETTINGS, Session, counted
@@ -18,6 +20,8 @@ from domesim.scene.writing import as_toml
 
 Floats = NDArray[np.float64]
 
+_OTHER = 0.1
+"""Difference of light, as a logarithm, from which a stated response is another one."""
 _WIDE = 0.3
 """Half of an interval, over its value, above which more settings are advised."""
 
@@ -39,7 +43,7 @@ class Result:
     """
 
     def __init__(self, scene: DomeScene | StereoScene, session: Session) -> None:
-        self._session = session
+        self._session, self._stated = session, scene.projector.response
         self._estimate = estimated(counted(session))
         self._figures = [_figure(scene, shares) for shares in self._estimate.shares]
 
@@ -48,6 +52,7 @@ class Result:
         found = []
         for shares, (value, error) in zip(self._estimate.shares, self._figures, strict=True):
             found.append(_gamma(shares.eye, shares.response))
+            found += _contradiction(shares.response, self._stated)
             parts = [
                 f"{p} {_told(v, e, of_light=self._of_light)}"
                 for p, v, e in zip("RGB", value, error, strict=True)
@@ -201,6 +206,25 @@ def _gamma(eye: str, response: Response) -> str:
     )
     whose = "the display" if eye == "both" else f"the {eye} eye's display"
     return f"gamma of {whose}: {', '.join(parts)}"
+
+
+def _contradiction(found: Response, stated: ProjectorResponse | None) -> list[str]:
+    """What the scene states of the projector's response, if the matches say something else."""
+    if stated is None:
+        return []
+    curve = named(stated.transfer, white=1.0)
+    for level, gamma in enumerate(found.gammas, 1):
+        log = -np.log(4.0) * level / gamma
+        terms = np.array([log, log**2])
+        off = float(np.log(max(float(curve.decode(np.exp([log]))[0]), 1e-9)) + np.log(4.0) * level)
+        error = float(np.sqrt(terms @ found.covariance @ terms))
+        if abs(off) > max(SIGMAS * error, _OTHER):
+            return [
+                f"  [projector] response says {transfer_in_words(stated.transfer)}, which gives "
+                f"{np.exp(off):.2g} times that light there, at 1/{4**level} of white: frames made "
+                f"for it would be wrong. State what was matched, or measure the response"
+            ]
+    return []
 
 
 def _habits(estimate: Estimate) -> list[str]:

@@ -63,3 +63,8 @@ def mixing(black: Floats, primaries: Sequence[Floats]) -> Floats:
 def unmixed(light: Floats, matrix: Floats) -> Floats:
     """(..., primary) light of the primaries of (..., channel) a camera's."""
     return np.asarray(light @ np.linalg.inv(matrix).T)
+
+
+def unmixed_variance(variance: Floats, matrix: Floats) -> Floats:
+    """(..., primary) variance of `unmixed` light, of (..., channel) independent ones."""
+    return np.asarray(variance @ (np.linalg.inv(matrix) ** 2).T)

@@ -57,7 +57,7 @@ from domesim.host.console import about
 from domesim.host.files import read_plain
 from domesim.host.texts import text_in, toml_in
 from domesim.measure.dome.camera import Camera, domemaster_camera
-from domesim.measure.dome.colours import mixing, unmixed
+from domesim.measure.dome.colours import mixing, unmixed, unmixed_variance
 from domesim.measure.dome.fit import Known
 from domesim.measure.dome.model import require_plain
 from domesim.measure.dome.nuisances import Errors
@@ -65,7 +65,15 @@ from domesim.measure.dome.photographs import Photographs
 from domesim.measure.dome.registration import Registered, registered
 from domesim.measure.dome.spots import Reading
 from domesim.measure.patterns.listing import read_patterns
-from domesim.measure.raws import MOST_CLIPPED, clipped, photograph_named, read_photograph
+from domesim.measure.raws import (
+    MOST_CLIPPED,
+    clipped,
+    photograph_named,
+    read_photograph,
+    refuse_slipped,
+    written_exposure,
+)
+from domesim.measure.rounding import step_of
 from domesim.scene import DomeScene, load_dome
 from domesim.scene.fields import Number, Place, Section, three
 from domesim.scene.loading import scene_content
@@ -318,22 +326,40 @@ def _photographs(
 ) -> Photographs:
     assert file.camera is not None
     camera = file.camera
-    shots = [_light(folder / shot.file, camera) for shot in file.photographs]
+    listed: list[PhotographSection | ShotSection] = [*file.photographs]
+    if file.colours is not None:
+        listed += file.colours.shots
+    paths = [photograph_named(folder / shot.file) for shot in listed]
+    read = [_light(path, camera) for path in paths]
+    refuse_slipped(
+        [
+            (path, written, shot.exposure)
+            for path, (_, written), shot in zip(paths, read, listed, strict=True)
+        ],
+        way_out="write its exposure down as it was, or take it again",
+    )
+    shots, colours = (
+        [light for light, _ in part]
+        for part in (read[: len(file.photographs)], read[len(file.photographs) :])
+    )
     if len({shot.shape for shot in shots}) > 1:
         raise InputError("photographs must be of one size")
     light = np.stack(shots)
+    step = np.full(3, step_of(shots))
     if file.colours is not None:
         black, *primaries = (
-            _light(folder / s.file, camera) / s.exposure for s in file.colours.shots
+            light / shot.exposure for light, shot in zip(colours, file.colours.shots, strict=True)
         )
         if any(one.shape != shots[0].shape for one in (black, *primaries)):
             raise InputError("colours: photographs must be of the same size as the others")
-        light = unmixed(light, mixing(black, primaries))
+        matrix = mixing(black, primaries)
+        light, step = unmixed(light, matrix), np.sqrt(unmixed_variance(step**2, matrix))
     return Photographs(
         _camera(camera, scene) if found is None else found.camera,
         light,
         np.array([file.pattern_names.index(shot.pattern) for shot in file.photographs]),
         np.array([shot.exposure for shot in file.photographs]),
+        three(step),
     )
 
 
@@ -365,7 +391,7 @@ def _registered(section: CameraSection, folder: Path, scene: DomeScene) -> Regis
     markers = np.array([[dot[name] for name in names] for dot in dots[0].parameters["markers"]])
     try:
         return registered(
-            dome, markers, _light(path, section, measured=False), _camera(section, scene)
+            dome, markers, _light(path, section, measured=False)[0], _camera(section, scene)
         )
     except InputError as error:
         raise InputError(f"{path}: {str(error).removeprefix(f'{path}: ')}") from None
@@ -382,9 +408,13 @@ def _patterns(paths: list[Path], scene: DomeScene) -> Floats:
     return np.stack(lights)
 
 
-def _light(path: Path, camera: CameraSection, *, measured: bool = True) -> Floats:
-    """(row, col, primary) raw linear values of a photograph; of places only, it may be clipped."""
-    path = photograph_named(path)
+def _light(
+    path: Path, camera: CameraSection, *, measured: bool = True
+) -> tuple[Floats, float | None]:
+    """(row, col, primary) raw linear values, and the exposure that the camera wrote down.
+
+    A photograph of places only may be clipped.
+    """
     frame = read_photograph(path, encoding_named("linear"))
     said = frame.header.colour
     if said is not None and not said.assumed and said.transfer != "linear":
@@ -400,7 +430,7 @@ def _light(path: Path, camera: CameraSection, *, measured: bool = True) -> Float
             f"{path}: {share:.1%} of the pixels are saturated; expose it shorter, and write the "
             "exposure down"
         )
-    return np.asarray(frame.pixels[part], np.float64)
+    return np.asarray(frame.pixels[part], np.float64), written_exposure(frame)
 
 
 def _circle(path: Path, size: Sequence[int], camera: CameraSection) -> tuple[slice, slice]:

@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 from domesim.measure.patterns import Codes, Pattern
 from domesim.measure.patterns.dome import dome_patterns
 from domesim.readings.meter import light_of
-from domesim.readings.noise import Noise, estimated_noise, with_digits
+from domesim.readings.noise import Noise, estimated_noise, note_odd_repeats, with_digits
 from domesim.readings.tables import Row, Table, read_table
 from domesim.room.dome import Dome
 from domesim.scene import DomeScene
@@ -129,7 +129,11 @@ def read_meter_task(path: Path, scene: DomeScene, content: Mapping[str, Any]) ->
     readings = [one for row in filled if (one := _reading(table, row, light, known))]
     table.mistakes.raise_any()
     read = [name for name in light if name not in ("x", "y")]
-    noise = with_digits(estimated_noise(_repeats(readings), Noise()), table, filled, read)
+    repeats = _repeats(readings)
+    alone = [np.array([value for _, value in each]) for each in repeats.values()]
+    noise = with_digits(estimated_noise(alone, Noise()), table, filled, read)
+    note_odd_repeats(repeats.items(), noise, table.mistakes)
+    table.mistakes.raise_any()
     return MeterTask(
         path,
         scene,
@@ -180,8 +184,9 @@ def _reading(
     return None if place is None or value is None else Reading(name, place, lux, value, row.line)
 
 
-def _repeats(readings: Sequence[Reading]) -> list[Floats]:
-    groups: dict[tuple[str, str], list[Floats]] = {}
+def _repeats(readings: Sequence[Reading]) -> Mapping[str, Sequence[tuple[int, Floats]]]:
+    """What was read -> lines and values of each time."""
+    groups: dict[str, list[tuple[int, Floats]]] = {}
     for one in readings:
-        groups.setdefault((one.pattern, one.place), []).append(one.value)
-    return [np.array(group) for group in groups.values() if len(group) > 1]
+        groups.setdefault(f"{one.pattern} at {one.place}", []).append((one.line, one.value))
+    return groups

@@ -14,9 +14,11 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
+from domesim.errors import InputError
 from domesim.measure.dome.camera import Camera, looked_at
 from domesim.measure.dome.model import Interreflection, Places, surfaces_of
 from domesim.measure.dome.photographs import Cells
+from domesim.room.rays import NOTHING
 from domesim.room.theatre import Theatre
 from domesim.scene.fields import three
 
@@ -137,7 +139,12 @@ def _changed(
 
 def _again(cells: Cells, theatre: Theatre, camera: Camera) -> Places:
     """The same pixels' places in a theatre that is a little different."""
-    _, points = looked_at(theatre, camera, cells.u, cells.v)
+    surface, points = looked_at(theatre, camera, cells.u, cells.v)
+    if np.any(surface == NOTHING):
+        raise InputError(
+            "the photographs are explained best by a camera that cannot see what they show: check "
+            "exposures, which pattern each photograph shows, and the camera's place and direction"
+        )
     return replace(cells.places, points=points)
 
 

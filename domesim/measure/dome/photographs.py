@@ -26,6 +26,7 @@ from scipy.optimize import nnls
 from domesim.errors import InputError
 from domesim.measure.dome.camera import SURFACES, Camera, looked_at, places_in
 from domesim.measure.dome.model import Places, surfaces_of
+from domesim.measure.rounding import shared_rounding
 from domesim.room.lenses import lens_gains
 from domesim.room.rays import NOTHING
 from domesim.room.theatre import Theatre
@@ -41,6 +42,7 @@ _LEAST = 6
 _POINTS = 64
 """Number of points at which a cell's reflected light is computed. With 8, cells of the floor are
 off by 0.2 %, which a fit takes for a camera that is elsewhere and turned."""
+_OF_A_STEP = 1e-3
 _SMOOTH = 0.02
 """Share of a pattern's brightest light by which it may change within the margin."""
 
@@ -60,12 +62,15 @@ class Photographs:
         (photograph,) index of the pattern that each shows.
     exposure
         (photograph,) relative to each other, or to cd/m² if that is what values mean.
+    step
+        (primary,) of the codes that values come from; 0 if they were not rounded.
     """
 
     camera: Camera
     light: Floats
     pattern: NDArray[np.int64]
     exposure: Floats
+    step: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
         count, rows, cols, primaries = self.light.shape
@@ -80,6 +85,28 @@ class Photographs:
         if not np.all((self.exposure > 0) & np.isfinite(self.exposure)):
             raise InputError(f"exposures must be above 0, got {self.exposure.min():g}")
 
+    def only(self, kept: NDArray[np.bool_]) -> Photographs:
+        """Some of them, chosen by (photograph,) bool.
+
+        Raises
+        ------
+        InputError
+            If none is left.
+        """
+        if not kept.any():
+            raise InputError("wanted photographs of white, halves and others, got none")
+        return replace(
+            self,
+            light=self.light[kept],
+            pattern=self.pattern[kept],
+            exposure=self.exposure[kept],
+        )
+
+    @property
+    def steps(self) -> Floats:
+        """(photograph, primary) of codes, at unit exposure."""
+        return np.asarray(self.step) / self.exposure[:, None]
+
 
 @final
 @dataclass(frozen=True, eq=False)
@@ -92,14 +119,37 @@ class PixelNoise:
         a, b, c.
     least
         The least variance.
+    step
+        Of the codes that light was rounded to.
+    sensor
+        a, b, c of all photographs together, in steps; None if there are no codes.
     """
 
     terms: Floats
     least: float
+    step: float = 0.0
+    sensor: Floats | None = None
 
-    def __call__(self, light: Floats) -> Floats:
-        """Variance at light of any shape."""
-        return np.maximum(_noise_terms(light) @ self.terms, self.least)
+    def of_means(
+        self, light: Floats, pixels: NDArray[np.int64] | int, *, shared: bool = False
+    ) -> Floats:
+        """(place,) variance of means over pixels of a place, rounding that is not blurred included.
+
+        Parameters
+        ----------
+        light
+            (place,) what they show.
+        pixels
+            How many pixels a place has.
+        shared
+            Whether rounding counts as the same at all places: as independent errors that are so
+            much larger that they leave their mean as unsure.
+        """
+        noise = np.maximum(_noise_terms(light) @ self.terms, self.least) / pixels
+        if self.sensor is None:
+            return np.asarray(noise)
+        rounding = shared_rounding(_noise_terms(light / self.step) @ self.sensor)
+        return np.asarray(noise + (len(light) if shared else 1) * self.step**2 * rounding)
 
 
 @final
@@ -140,7 +190,9 @@ class Cells:
         result = np.empty_like(light)
         for one, primary in np.ndindex(len(light), light.shape[-1]):
             own = light[one, :, primary]
-            result[one, :, primary] = self.noise[one][primary](own) / self.pixels
+            result[one, :, primary] = self.noise[one][primary].of_means(
+                own, self.pixels, shared=True
+            )
         return result
 
 
@@ -303,7 +355,7 @@ def _averaged(
     # Pixels of a fisheye are about equal in solid angle, and on the screen in area; a pinhole's are
     # not, by which only the mean of black is a little off.
     area = np.where(kinds == 0, pixels, 0) / max(1, int(pixels[kinds == 0].sum()))
-    noise = _noise(light, label, value, pixels)
+    noise = _noise(light, label, value, pixels, photographs.steps)
     averaged = Cells(places, u, v, area, value, value, pixels, label, noise)
     return replace(averaged, variance=averaged.variance_at(value))
 
@@ -337,19 +389,52 @@ def _like_their_cells(places: Floats, cell: NDArray[np.int64], chosen: NDArray[n
 
 
 def _noise(
-    light: Floats, label: NDArray[np.int64], value: Floats, pixels: NDArray[np.int64]
+    light: Floats,
+    label: NDArray[np.int64],
+    value: Floats,
+    pixels: NDArray[np.int64],
+    steps: Floats,
 ) -> list[list[PixelNoise]]:
     """Noise by photograph and primary, from differences of neighbouring pixels."""
     pairs = (label[:, 1:] == label[:, :-1]) & (label[:, 1:] >= 0)
     own = label[:, 1:][pairs]
     count = np.bincount(own, minlength=len(pixels))
-    result: list[list[PixelNoise]] = [[] for _ in light]
+    local = np.empty_like(value)
     for one, primary in np.ndindex(len(light), 3):
         plane = light[one, ..., primary]
         half = (plane[:, 1:] - plane[:, :-1])[pairs] ** 2 / 2
-        local = np.bincount(own, half, len(pixels)) / np.maximum(count, 1)
-        result[one].append(pixel_noise(value[one, :, primary], local, count))
-    return result
+        local[one, :, primary] = np.bincount(own, half, len(pixels)) / np.maximum(count, 1)
+    return noise_of(value, local, np.broadcast_to(count, value.shape[:2]), steps)
+
+
+def noise_of(
+    level: Floats, local: Floats, count: NDArray[np.int64], steps: Floats
+) -> list[list[PixelNoise]]:
+    """Noise of a pixel by photograph and primary.
+
+    Parameters
+    ----------
+    level, local
+        (photograph, area, primary) mean light, and half of the neighbours' mean squared difference.
+    count
+        (photograph, area) neighbours; areas of less than three do not count.
+    steps
+        (photograph, primary) of the codes that light was rounded to; 0 if there are none.
+    """
+    # Where all pixels have one code, nothing is seen of the noise
+    seen = np.maximum(local, (_OF_A_STEP * steps[:, None]) ** 2)
+    each = [
+        [pixel_noise(level[one, :, p], seen[one, :, p], count[one]) for p in range(3)]
+        for one in range(len(level))
+    ]
+    if not steps.all():
+        return each
+    codes, squared = level / steps[:, None], seen / steps[:, None] ** 2
+    sensor = pixel_noise(codes.ravel(), squared.ravel(), np.repeat(count.ravel(), 3)).terms
+    return [
+        [replace(noise, step=float(steps[one, p]), sensor=sensor) for p, noise in enumerate(row)]
+        for one, row in enumerate(each)
+    ]
 
 
 def pixel_noise(level: Floats, local: Floats, count: NDArray[np.int64]) -> PixelNoise:
@@ -357,10 +442,8 @@ def pixel_noise(level: Floats, local: Floats, count: NDArray[np.int64]) -> Pixel
 
     Parameters
     ----------
-    level, local
-        (area,) mean light, and half of the neighbours' mean squared difference.
-    count
-        (area,) neighbours; areas of less than three do not count.
+    level, local, count
+        (area,) as for `noise_of`.
     """
     usable = count >= 3
     if not usable.any():

@@ -26,7 +26,7 @@ from domesim.measure.dome.photographs import (
     PixelNoise,
     away_from_edges,
     direct_light,
-    pixel_noise,
+    noise_of,
 )
 from domesim.observation.basis import ScreenBasis
 from domesim.room.lenses import lens_gains
@@ -82,12 +82,17 @@ class Responses:
     noise: Sequence[Sequence[PixelNoise]]
     pixels: int
 
-    def weighed(self, light: Floats) -> Responses:
-        """The same with the noise of places that show that much light, `value`'s shape."""
+    def weighed(self, light: Floats, *, shared: bool = False) -> Responses:
+        """The same with the noise of places that show that much light, `value`'s shape.
+
+        Rounding is `shared` by all places, or counts at each alone (`PixelNoise.of_means`).
+        """
         variance = np.empty_like(self.variance)
         for shot, each in enumerate(self.noise):
             for primary, noise in enumerate(each):
-                variance[shot, :, primary] = noise(light[shot, :, primary]) / self.pixels
+                variance[shot, :, primary] = noise.of_means(
+                    light[shot, :, primary], self.pixels, shared=shared
+                )
         return replace(self, variance=np.where(np.isfinite(self.variance), variance, np.inf))
 
     def only(self, kept: NDArray[np.bool_]) -> Responses:
@@ -149,7 +154,9 @@ def responses_of(
     shape = len(light), -(-size[0] // step), -(-size[1] // step), 3
     value, variance = np.zeros(shape), np.full(shape, np.inf)
     direct = np.zeros(shape)
-    noises: list[list[PixelNoise]] = [[] for _ in light]
+    parts = 2 * _CELLS**2
+    levels, scatter = np.zeros((2, len(light), parts, 3))
+    count = np.zeros((len(light), parts), np.int64)
     for pattern, one in enumerate(lit):
         seen = np.zeros((*size, 3))
         seen[on_screen] = one[row, col]
@@ -159,7 +166,9 @@ def responses_of(
         for shot in np.flatnonzero(photographs.pattern == pattern):
             direct[shot] = _blocks(seen, step)
             value[shot] = _blocks(light[shot], step)
-            noises[shot] = _noise(light[shot], clear, bright)
+            levels[shot], scatter[shot], count[shot] = _scatter(
+                light[shot], clear, bright, photographs.steps[shot]
+            )
             variance[shot][whole] = 1.0
     counted = np.isfinite(variance).any((0, 3))
     theta = np.arccos(np.clip(rays[..., 2], -1, 1)) / dome.half_angle
@@ -175,7 +184,7 @@ def responses_of(
         basis=basis,
         functions=basis.at(u, v),
         places=np.stack([u, v]),
-        noise=noises,
+        noise=noise_of(levels, scatter, count, photographs.steps),
         pixels=step**2,
     )
     return responses.weighed(responses.value)
@@ -210,8 +219,10 @@ def _blocks(picture: Floats, step: int) -> Floats:
     return np.asarray(parts.mean((1, 3)).reshape(*parts.shape[:3:2], *picture.shape[2:]))
 
 
-def _noise(light: Floats, clear: NDArray[np.bool_], bright: NDArray[np.bool_]) -> list[PixelNoise]:
-    """Noise of a pixel in each primary, from differences of neighbours.
+def _scatter(
+    light: Floats, clear: NDArray[np.bool_], bright: NDArray[np.bool_], steps: Floats
+) -> tuple[Floats, Floats, NDArray[np.int64]]:
+    """(area, primary) light and half of the squared difference of neighbours; (area,) pairs.
 
     Means over parts of the picture, lit and dark ones apart, of all differences but those that are
     much larger than the median: edges of what hides the screen are no noise.
@@ -221,17 +232,16 @@ def _noise(light: Floats, clear: NDArray[np.bool_], bright: NDArray[np.bool_]) -
     pairs = (label[:, 1:] == label[:, :-1]) & (label[:, 1:] >= 0)
     own = label[:, 1:][pairs]
     count = np.bincount(own, minlength=2 * _CELLS**2)
-    result = []
     some = np.flatnonzero(count)
+    levels, locals_ = np.zeros((2, len(count), 3))
     for primary in range(3):
         plane = light[..., primary]
         near = plane[:, 1:][pairs], plane[:, :-1][pairs]
-        levels, local = np.zeros((2, len(count)))
-        levels[some] = median((near[0] + near[1]) / 2, own, some)
+        levels[some, primary] = median((near[0] + near[1]) / 2, own, some)
         square = (near[0] - near[1]) ** 2 / 2
+        local = np.zeros(len(count))
         local[some] = median(square, own, some) / _MEDIAN
-        small = square <= _EDGE * local[own]
+        small = square <= _EDGE * np.maximum(local[own], steps[primary] ** 2)
         number = np.maximum(np.bincount(own[small], minlength=len(count)), 1)
-        local = np.bincount(own[small], square[small], minlength=len(count)) / number
-        result.append(pixel_noise(levels, local, count))
-    return result
+        locals_[:, primary] = np.bincount(own[small], square[small], len(count)) / number
+    return levels, locals_, count

@@ -14,6 +14,7 @@ from domesim.measure.dome.fit import LARGEST_MODEL_ERROR, Evidence, Known, Surve
 from domesim.measure.dome.model import RESOLUTION, Interreflection, nominal_albedos, surfaces_of
 from domesim.measure.dome.nuisances import CAMERA, Errors, effects_of, seen_again
 from domesim.measure.dome.photographs import Cells, Photographs, cells_of
+from domesim.measure.dome.separated import boards_in
 from domesim.measure.dome.spots import Metered, Reading, evidence_of, grey, with_readings
 from domesim.room.theatre import Theatre
 from domesim.scene.fields import three
@@ -39,9 +40,9 @@ def surveyed(task: Task, known: Mapping[str, Known]) -> tuple[Cells | None, Surv
         metered = None
         if task.readings:
             metered = Metered(task.readings, weights, white=task.file.unit == "camera")
-        return survey_of(
-            theatre, task.patterns, task.photographs, known, task.errors, metered=metered
-        )
+        # Their fields are too fine for a cell of the screen to be clear of edges
+        shots = task.photographs.only(~boards_in(task))
+        return survey_of(theatre, task.patterns, shots, known, task.errors, metered=metered)
     return None, survey_of_spots(theatre, task.patterns, task.readings, known, weights)
 
 

@@ -88,17 +88,24 @@ def separated_in(task: Task) -> Separated:
     """
     if task.photographs is None:
         raise InputError("wanted photographs of the shifted boards, got readings alone")
-    names = np.asarray(task.file.pattern_names)[task.photographs.pattern]
-    boards = np.array([SHIFTED in name for name in names])
-    if len({*names[boards]}) < SHIFTS:
+    boards = boards_in(task)
+    shown = len({*task.photographs.pattern[boards].tolist()})
+    if shown < SHIFTS:
         raise InputError(
             f"wanted photographs of all {SHIFTS} patterns {SHIFTED}1 to {SHIFTED}{SHIFTS}, got "
-            f"{len({*names[boards]})}; domesim measure patterns --dome writes them"
+            f"{shown}; domesim measure patterns --dome writes them"
         )
     responses = responses_of(task.scene.theatre, task.patterns, task.photographs, 0)
     dark = np.asarray(~responses.excitation.any((1, 2)))
     black = task.scene.ambient / task.scene.projector.white
     return separated(responses, boards, dark, black)
+
+
+def boards_in(task: Task) -> NDArray[np.bool_]:
+    """(photograph,) which are of the shifted boards."""
+    assert task.photographs is not None
+    names = np.array([SHIFTED in name for name in task.file.pattern_names])
+    return np.asarray(names[task.photographs.pattern])
 
 
 def separated(

@@ -120,7 +120,7 @@ def found_in(responses: Responses, theatre: Theatre) -> Found:
     """
     seen = [fitted(responses, p) for p in range(3)]
     shown = np.stack([core.shown(responses, p) for p, core in enumerate(seen)], -1)
-    responses = responses.weighed(shown)
+    responses = responses.weighed(shown, shared=True)
     # Places that count in no fit are shown as they were seen
     chi2 = float(np.sum((responses.value - shown) ** 2 / responses.variance))
     degrees = sum(core.degrees for core in seen)

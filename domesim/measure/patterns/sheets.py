@@ -83,7 +83,7 @@ class Sheet:
         if self.instrument == "dslr":
             wide = kind in ("half", "ring", "sector") or name.startswith("checkerboard-4x2")
             parts = wide if self.furnished else name in _PHOTOGRAPHED
-            return parts or kind in ("white", "primary")
+            return parts or kind in ("white", "primary", "shifted")
         coloured = self.instrument in _COLOURED
         rings = self.instrument == "lux" and name in _IN_THE_MIDDLE
         colours = coloured and kind in ("primary", "ramp")
@@ -242,12 +242,10 @@ def _csv(columns: Sequence[str], rows: Iterable[Mapping[str, Any]]) -> str:
 
 
 def _survey(listed: PatternList, theatre: str) -> str:
-    shots = "".join(
-        f'\n[[photographs]]\nfile = "{each.name}"\npattern = {_text(each.files[0])}\n'
-        "exposure = 1.0\n"
-        for each in listed.patterns
-        if each.kind not in ("registration", "primary")
-    )
+    asked = [each for each in listed.patterns if each.kind not in ("registration", "primary")]
+    shots = "".join(_shot(each) for each in asked if each.kind != "shifted")
+    boards = "".join(_shot(each) for each in asked if each.kind == "shifted")
+    later = "".join(f"# {line}\n" if line else "\n" for line in boards.splitlines())
     return f"""\
 # Photographs of this folder, named as the patterns are; what a camera calls them after the point
 # (.dng, .cr2, .nef, .arw, ...) is found. exposure: the time, s.
@@ -268,7 +266,17 @@ black = {{ file = "black", exposure = 1.0 }}
 red = {{ file = "red", exposure = 1.0 }}
 green = {{ file = "green", exposure = 1.0 }}
 blue = {{ file = "blue", exposure = 1.0 }}
-{shots}"""
+{shots}
+# For domesim measure reflected, which checks the scene in the room itself (measure dome leaves them
+# out): take the # off if you photographed the shifted boards.
+{later}"""
+
+
+def _shot(each: Listed) -> str:
+    return (
+        f'\n[[photographs]]\nfile = "{each.name}"\npattern = {_text(each.files[0])}\n'
+        "exposure = 1.0\n"
+    )
 
 
 def _photographs(_: PatternList) -> str:

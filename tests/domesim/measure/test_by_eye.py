@@ -76,6 +76,20 @@ def test_matched_codes_tell_the_response():
     np.testing.assert_allclose(found.shares[0].response.gammas, 2.3, atol=0.005)
 
 
+@pytest.mark.parametrize(("stated", "told"), [(None, 0), (2.3, 1), (1.8, 2), ("srgb", 1)], ids=str)
+def test_a_response_that_is_stated_otherwise_is_told(stated, told):
+    """One eye's display has a gamma of 2.3, the other one's is sRGB."""
+    from domesim.measure.by_eye.result import Result  # noqa: PLC0415 - SciPy
+
+    projector = {} if stated is None else {"response": stated}
+    scene = load_scene(PAIR, projector=projector)
+    lines = Result(scene, room("stereo", *DISPLAYS["stereo"]).session(viewer())).lines()
+    other = [line for line in lines if "[projector] response says" in line]
+    assert len(other) == told
+    if stated == 1.8:
+        assert "says gamma 1.8, which gives 1.4 times that light there, at 1/4 of white" in other[0]
+
+
 @pytest.mark.parametrize("kind", ["stereo", "dome"])
 def test_what_is_alike_on_both_sides_cancels(kind):
     _, once = values(kind, viewer(skill=1.0, early=(0.0, 0.0)))

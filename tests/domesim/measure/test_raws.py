@@ -2,18 +2,28 @@
 
 from __future__ import annotations
 
+import re
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 from image_files import store
-from sensors import BGGR, GBRG, GRBG, RGGB, store_linear_raw, store_raw
 from studio import NOISE, Studio, random_maps, store_all
 
 from domesim.errors import InputError
 from domesim.measure.crosstalk_photographs import crosstalk_maps
 from domesim.measure.photographs import read_photographs
-from domesim.measure.raws import clipped, photograph_named, read_photograph
+from domesim.measure.raws import (
+    clipped,
+    photograph_named,
+    read_photograph,
+    refuse_slipped,
+    written_exposure,
+)
+from testing.raws import BGGR, GBRG, GRBG, RGGB, store_linear_raw, store_raw
+from testing.screens import SMALL, raw_screen
+from testing.surveys import Sensor, surveyed
 
 BLACKS = (500, 520, 540, 580)
 ROWS, COLS = 24, 37
@@ -94,6 +104,37 @@ def test_clipped_photographs_are_refused(tmp_path, bits):
     store_raw(tmp_path / "left-left-W.dng", white, bits=bits)
     with pytest.raises(InputError, match=r"left-left-W.dng: \d.\d% of the screen.* saturated"):
         read_photographs(path)
+
+
+def test_an_exposure_that_slipped_is_refused():
+    """By a third of a stop; unless nobody wrote it down."""
+    found = raw_screen(1, SMALL, slip=1.26)
+    assert re.search(
+        r"\.dng: by what the camera wrote .* exposed 1\.26 times as much", found.refused
+    )
+    assert not raw_screen(1, SMALL, slip=1.1).refused
+    assert not raw_screen(1, SMALL, slip=1.26, said=False).refused
+
+
+@pytest.mark.parametrize("slipped", [0, 3, 8])
+def test_a_survey_whose_exposures_are_not_as_it_says_is_refused(slipped):
+    found = surveyed(0, sensor=Sensor(14, 1.0, slip=0.5, slipped=slipped), resolution=4)
+    assert re.search(r"\.dng: .* exposed 0\.5 times as much.*write its exposure", found.refused)
+
+
+def test_exposures_are_compared_with_what_is_said():
+    path = Path("a.dng")
+    shots = [(path, 1 / 60, 1.0), (path, 1 / 64, 1.0), (path, 1 / 15, 4.0), (path, None, 9.0)]
+    refuse_slipped(shots, way_out="")
+    with pytest.raises(InputError, match=r"b.dng: .* 4 times as much as is said"):
+        refuse_slipped([*shots, (Path("b.dng"), 1 / 15, 1.0)], way_out="")
+
+
+def test_the_camera_writes_time_and_aperture(tmp_path, light):
+    store_raw(tmp_path / "a.dng", light, seconds=0.125)
+    store_raw(tmp_path / "b.dng", light)
+    assert written_exposure(read_photograph(tmp_path / "a.dng")) == pytest.approx(0.125)
+    assert written_exposure(read_photograph(tmp_path / "b.dng")) is None
 
 
 def test_what_is_no_bayer_filters_is_refused(tmp_path, light):

@@ -172,6 +172,21 @@ def test_exchanged_glasses_are_refused_by_luminance(run, tmp_path):
     refused(run("measure", "crosstalk", table, "--out", tmp_path / "m.toml"), "exchanged")
 
 
+def test_a_repeat_that_is_none_is_refused_with_its_line(run, tmp_path):
+    """Two digits exchanged in one of three readings of a ghost."""
+    written(run, tmp_path, "stereo", "--with", "luminance")
+    table = tmp_path / "readings.csv"
+    fill_pair(table, ("Lv",))
+    lines = table.read_text().splitlines()
+    at = next(n for n, line in enumerate(lines) if line.startswith("right,left,W"))
+    said = lines[at].split(",")[3]
+    lines[at] = lines[at].replace(said, f"{1.3 * float(said):.6f}")
+    table.write_text("\n".join(lines))
+    out = run("measure", "crosstalk", table, "--out", tmp_path / "m.toml")
+    refused(out, f"line {at + 1}: white (W) of the right projector through the left filter must")
+    assert not (tmp_path / "m.toml").exists()
+
+
 def test_an_empty_luminance_table_is_told(run, tmp_path):
     written(run, tmp_path, "stereo", "--with", "luminance")
     refused(

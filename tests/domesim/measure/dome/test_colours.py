@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from image_files import store
 from made_up_domes import CAMERA, GAIN, THEATRE, described, patterns, seen, truth
-from sensors import store_raw
 
 from domesim.errors import InputError
 from domesim.measure.dome.colours import mixing, unmixed
@@ -16,6 +15,7 @@ from domesim.measure.dome.file import read_survey
 from domesim.measure.dome.responses import responses_of
 from domesim.measure.dome.without_geometry import found_in
 from domesim.measure.raws import read_photograph
+from testing.raws import store_raw
 
 MIX = np.array([[0.9, 0.25, 0.03], [0.15, 0.8, 0.2], [0.02, 0.1, 0.7]])
 """(channel, primary) of a camera without a matrix of its own."""

@@ -160,6 +160,18 @@ def test_rows_that_were_exchanged_are_refused(folder, tmp_path, run):
     assert not (tmp_path / "no.toml").exists()
 
 
+def test_a_repeat_that_is_none_is_refused(folder, tmp_path):
+    fill(folder / "lux/dome.csv", room(folder, faults=Faults()), tmp_path / "filled.csv")
+    rows = rows_of(tmp_path / "filled.csv")
+    at = [n for n, row in enumerate(rows) if row[:2] == ["white", "middle"]][1]
+    rows[at][2] = str(1.15 * float(rows[at][2]))
+    with (tmp_path / "wrong.csv").open("w", newline="") as file:
+        csv.writer(file).writerows(rows)
+    scene = folder / "theatre.toml"
+    with pytest.raises(InputError, match=f"line {at + 1}: white at middle must repeat what was"):
+        read_meter_task(tmp_path / "wrong.csv", load_dome(scene), scene_content(scene))
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [

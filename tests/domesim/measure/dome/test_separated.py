@@ -199,6 +199,14 @@ def test_the_command_checks_the_model(survey, run, albedo, verdict):
     assert out.with_suffix(".png").read_bytes()[:4] == b"\x89PNG"
 
 
+def test_albedos_do_without_the_boards(survey, run):
+    """Their fields are too fine; what is left of this survey is a black picture."""
+    (survey / "plan.toml").write_text(THEATRE.format(albedo=0.5))
+    code, _, err = run("measure", "dome", survey / "survey.toml", "--out", survey / "no.toml")
+    assert code == 2
+    assert "no place on the screen was photographed lit and unlit" in err
+
+
 def test_a_survey_without_the_boards_is_refused(survey, run):
     (survey / "plan.toml").write_text(THEATRE.format(albedo=0.5))
     text = (survey / "survey.toml").read_text()

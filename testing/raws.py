@@ -22,8 +22,32 @@ def store_raw(
     black: Sequence[int] = (512, 512, 512, 512),
     pattern: Sequence[int] = RGGB,
     orientation: int = 1,
+    seconds: float = 0.0,
 ) -> NDArray[np.uint16]:
-    """A DNG whose pixels of 2 x 2 see one (row, col, primary) of light, 1 being full; its codes."""
+    """Writes a DNG whose pixels of 2 x 2 see one place of light.
+
+    Parameters
+    ----------
+    path
+        The file.
+    light
+        (row, col, primary), 1 being full.
+    bits
+        Of a code.
+    black
+        Codes of no light, of the four pixels.
+    pattern
+        Primaries of the four pixels, such as `RGGB`.
+    orientation
+        Exif's number.
+    seconds
+        The exposure that the camera writes down; 0 if it does not.
+
+    Returns
+    -------
+    codes
+        (row, col) of the sensor.
+    """
     rows, cols, _ = light.shape
     white = 2**bits - 1
     codes = np.empty((2 * rows, 2 * cols), np.uint16)
@@ -31,6 +55,7 @@ def store_raw(
         one = light[..., pattern[number]] * (white - black[number]) + black[number]
         codes[row::2, col::2] = np.clip(np.round(one), 0, white)
     _write(path, codes, white, orientation, [
+        *([(33434, "2I", 1, (round(1e6 * seconds), 1_000_000), True)] if seconds else []),
         (33421, "H", 2, (2, 2), True),          # CFARepeatPatternDim
         (33422, "B", 4, tuple(pattern), True),  # CFAPattern
         (50711, "H", 1, 1, True),               # CFALayout
@@ -41,7 +66,15 @@ def store_raw(
 
 
 def store_linear_raw(path: Path, light: NDArray[np.float64]) -> None:
-    """A converter's DNG, of three colours a pixel."""
+    """Writes a converter's DNG, of three colours a pixel.
+
+    Parameters
+    ----------
+    path
+        The file.
+    light
+        (row, col, primary), 1 being full.
+    """
     codes = np.round(light * 65535).astype(np.uint16)
     _write(path, codes, 65535, 1, [])
 
