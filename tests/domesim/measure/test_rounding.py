@@ -84,7 +84,7 @@ def test_places_without_geometry_count_it_too():
 
 def test_crosstalk_of_coarse_codes_is_as_sure_as_is_said():
     """Read-out noise of a tenth of a code, of 12 bits."""
-    runs = [raw_screen(seed, SMALL, bits=12, read_out=0.1) for seed in range(20)]
+    runs = [raw_screen(seed, SMALL, bits=12, read_out=0.1) for seed in range(12)]
     assert calibration(np.concatenate([run.off for run in runs])) > 1e-3
 
 
