@@ -10,8 +10,12 @@ import OpenImageIO as oiio  # noqa: N813 (its own documentation calls it so)
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
+from compensate.bundled import bundled_night
 from domesim.frames.formats.base import writer_of
 from domesim.light import Light
+from domesim.scene import DomeScene
+from domesim.scene.screening import decoded, within_range
+from testing.pairs import averaged
 
 
 def night(size: int, seed: int = 0) -> Light:
@@ -33,3 +37,18 @@ def write_exr(path: Path, pixels: NDArray[Any]) -> None:
     with writer_of(str(path)) as output:
         if not (output.open(str(path), spec) and output.write_image(pixels) and output.close()):
             raise OSError(output.geterror())
+
+
+def night_in(scene: DomeScene, size: int) -> Light:
+    """The bundled night as a dome shows it.
+
+    Parameters
+    ----------
+    scene
+        The dome.
+    size
+        Pixels a side.
+    """
+    night = decoded(bundled_night(), scene)
+    night = averaged(night, night.shape[1] // size)
+    return within_range(night, scene.screen(*night.shape[1:3]))[0]

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import tempfile
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import final
+from typing import Any, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +28,9 @@ from domesim.measure.dome.run import survey_of
 from domesim.measure.dome.without_geometry import DEGREE, found_in
 from domesim.room.dome import Dome
 from domesim.room.theatre import Floor, Theatre, Wall
+from domesim.scene import DomeScene
 from domesim.scene.fields import three
+from domesim.scene.loading import scene_of_text
 from domesim.scene.writing import as_toml
 from testing.laboratory import NOISE, Faults, patterns_for, photographed, sectors_for
 from testing.raws import store_raw
@@ -47,6 +49,35 @@ _MIX = np.array([[0.8, 0.15, 0.05], [0.1, 0.8, 0.1], [0.02, 0.18, 0.8]])
 """(channel, primary) what a sensor's channel sees."""
 _EXPOSED = 0.3
 """What a sensor makes of light: white with all that it reflects is below 1."""
+
+
+PLAN: Mapping[str, Any] = {
+    "name": "measured",
+    "dome": {"radius_m": 6.0, "tilt_deg": 10.0},
+    "screen": {"albedo": [0.6, 0.55, 0.5]},
+    "floor": {"height_m": -2.2, "albedo": [0.25, 0.2, 0.15]},
+    "wall": {"albedo": 0.1},
+    "projector": {"white_cd_m2": 8.0},
+    "viewing": {"adaptation_cd_m2": 0.8},
+}
+"""A small theatre with floor and wall."""
+_FURNITURE: Mapping[str, Any] = {
+    "seating": {
+        "rows": 4,
+        "seats_per_row": 8,
+        "first_row_m": 2.0,
+        "albedo": [0.1, 0.05, 0.05],
+        "occupied": 0.5,
+    },
+    "boxes": [
+        {
+            "name": "console",
+            "low_m": [-1.0, -3.2, -2.2],
+            "high_m": [1.0, -2.6, -1.3],
+            "albedo": 0.5,
+        }
+    ],
+}
 
 
 @final
@@ -138,6 +169,18 @@ def computed(
     light += noise(rng, light)
     light[:, ~on] = 0
     return Photographs(camera, light, np.arange(len(patterns)), np.ones(len(patterns)))
+
+
+def small_theatre(*, furnished: bool = True) -> DomeScene:
+    """A small theatre with floor and wall, and with seats and a console or without."""
+    return scene_of({**PLAN, **_FURNITURE} if furnished else PLAN)
+
+
+def scene_of(content: Mapping[str, Any]) -> DomeScene:
+    """A dome as the content of a scene's file describes it."""
+    scene = scene_of_text(as_toml(dict(content)), "plan", Path())
+    assert isinstance(scene, DomeScene)
+    return scene
 
 
 @final

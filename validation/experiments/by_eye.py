@@ -27,7 +27,6 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
-from compensate.bundled import bundled_night
 from compensate.figures import Appraisal
 from compensate.pose import Stage
 from compensate.ruler import NO_DIFFERENCE
@@ -38,8 +37,8 @@ from domesim.measure.by_eye.result import Result
 from domesim.measure.by_eye.session import Kind
 from domesim.observation.uncertain import SIGMAS
 from domesim.scene import DomeScene, StereoScene, load_dome, load_scene, load_stereo
-from domesim.scene.screening import decoded, within_range
-from testing.pairs import averaged, generated
+from testing.masters import night_in
+from testing.pairs import generated
 from testing.viewers import Room, display, viewer
 from validation.experiment import Check, Column, Finding, Table, Work, at_most, between
 
@@ -277,10 +276,3 @@ def _as_scene(kind: Kind, values: Mapping[str, Floats]) -> DomeScene | StereoSce
 
 def _picture(kind: Kind, scene: DomeScene | StereoScene) -> Light:
     return night_in(scene, WIDE[kind]) if isinstance(scene, DomeScene) else generated(WIDE[kind])
-
-
-def night_in(scene: DomeScene, size: int) -> Light:
-    """The bundled night as a dome of `size` pixels shows it."""
-    night = decoded(bundled_night(), scene)
-    night = averaged(night, night.shape[1] // size)
-    return within_range(night, scene.screen(*night.shape[1:3]))[0]

@@ -50,12 +50,11 @@ from domesim.room.lenses import field_weight
 from domesim.room.theatre import Theatre
 from domesim.scene import DomeScene, load_dome
 from domesim.scene.fields import three
-from domesim.scene.loading import scene_of_text
-from domesim.scene.writing import as_toml
 from testing.laboratory import ORDINARY, patterns_for, photographed
+from testing.masters import night_in
 from testing.meters import SIZE as READ
 from testing.meters import Faults, Room, fill
-from testing.surveys import STATED
+from testing.surveys import STATED, scene_of, small_theatre
 from validation.experiment import (
     Check,
     Column,
@@ -67,8 +66,6 @@ from validation.experiment import (
     between,
     require_tracer,
 )
-from validation.experiments.by_eye import night_in
-from validation.experiments.surveys import small_theatre
 
 Floats = NDArray[np.float64]
 
@@ -423,8 +420,7 @@ def _cove(seed: int) -> Black:
         "projector": {"white_cd_m2": 8.0, "units": units},
         "viewing": {"adaptation_cd_m2": 1.0},
     }
-    scene = scene_of_text(as_toml(content), "cove", Path())
-    assert isinstance(scene, DomeScene)
+    scene = scene_of(content)
     on, points = scene.screen(size, size), scene.dome.points(size, size)
     tracer = Tracer(scene.theatre)
     traced = np.zeros((size, size, 3))

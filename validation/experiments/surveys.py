@@ -30,7 +30,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from pathlib import Path
 from typing import Any, TypeVar, final
 
 import numpy as np
@@ -48,8 +47,6 @@ from domesim.observation.uncertain import SIGMAS
 from domesim.pathtrace.tabulate import tabulate
 from domesim.pathtrace.tracer import Tracer
 from domesim.scene import DomeScene, load_dome
-from domesim.scene.loading import scene_of_text
-from domesim.scene.writing import as_toml
 from testing.laboratory import (
     LEFT,
     NOISE,
@@ -63,11 +60,14 @@ from testing.laboratory import (
 from testing.surveys import (
     DARK,
     NARROW,
+    PLAN,
     STATED,
     Alone,
     Trial,
     even,
     heavy,
+    scene_of,
+    small_theatre,
     surveyed,
     surveyed_alone,
 )
@@ -108,32 +108,6 @@ ALBEDOS = {"screen": 0.005, "floor": 0.02}
 DESCRIBED, SMALL, GLOSSY = "floor and wall, described", "a small theatre", "dome_led"
 """The last is a gain screen with much light: it is not smooth, which must be noticed."""
 ROOMS = (DESCRIBED, SMALL, "dome_planetarium", "dome_imax", GLOSSY)
-_PLAN: Mapping[str, Any] = {
-    "name": "measured",
-    "dome": {"radius_m": 6.0, "tilt_deg": 10.0},
-    "screen": {"albedo": [0.6, 0.55, 0.5]},
-    "floor": {"height_m": -2.2, "albedo": [0.25, 0.2, 0.15]},
-    "wall": {"albedo": 0.1},
-    "projector": {"white_cd_m2": 8.0},
-    "viewing": {"adaptation_cd_m2": 0.8},
-}
-_FURNITURE: Mapping[str, Any] = {
-    "seating": {
-        "rows": 4,
-        "seats_per_row": 8,
-        "first_row_m": 2.0,
-        "albedo": [0.1, 0.05, 0.05],
-        "occupied": 0.5,
-    },
-    "boxes": [
-        {
-            "name": "console",
-            "low_m": [-1.0, -3.2, -2.2],
-            "high_m": [1.0, -2.6, -1.3],
-            "albedo": 0.5,
-        }
-    ],
-}
 
 
 @final
@@ -197,28 +171,17 @@ class Room:
     exhausted: bool = False
 
 
-def small_theatre(*, furnished: bool = True) -> DomeScene:
-    """A small theatre with floor and wall, and with seats and a console or without."""
-    return _scene({**_PLAN, **_FURNITURE} if furnished else _PLAN)
-
-
-def _scene(content: Mapping[str, Any]) -> DomeScene:
-    scene = scene_of_text(as_toml(dict(content)), "plan", Path())
-    assert isinstance(scene, DomeScene)
-    return scene
-
-
 def described_room(effort: Effort, seed: int) -> Room:
     """Measure the albedos of a room that is described, with wrong ones."""
-    real = _scene(_PLAN)
+    real = scene_of(PLAN)
     told = {name: [albedo] * 3 for name, albedo in (("screen", 0.45), ("floor", 0.1))}
     patterns = patterns_for(real.dome, 128)
     camera = Camera((0.2, -0.8, -0.3), (0.2, 0.7, 0.7), np.radians(220.0))
     shots = photographed(real.theatre, camera, patterns, ORDINARY, seed=seed)
 
     def painted(albedos: Mapping[str, Sequence[float]]) -> DomeScene:
-        parts = {name: {**_PLAN[name], "albedo": list(albedo)} for name, albedo in albedos.items()}
-        return _scene({**_PLAN, **parts})
+        parts = {name: {**PLAN[name], "albedo": list(albedo)} for name, albedo in albedos.items()}
+        return scene_of({**PLAN, **parts})
 
     described = painted(told)
     _, found = survey_of(
