@@ -41,8 +41,9 @@ from domesim.shows.run import (
 from domesim.shows.show import Show
 from domesim.shows.work import Failed, Files, Finished, Order, Recipe, Writing
 
-A_WORKER = 4
-"""Frames that each worker does; the first has also to get ready, and does not count."""
+A_WORKER, LIKE = 4, 2
+"""Frames that each worker does; the first has also to get ready, and does not count. Of one master
+that stands for all, whose frames take alike, fewer."""
 
 
 @final
@@ -132,7 +133,8 @@ def estimate(
         return {**known, "memory_worker": need, "memory_total": need * workers}
     if crew is not None:
         crew = replace(crew, workers=min(workers, cores()))
-    wanted = min(count, A_WORKER * (1 if crew is None else crew.workers))
+    each = A_WORKER if like is None else LIKE
+    wanted = min(count, each * (1 if crew is None else crew.workers))
     chosen = sorted({round(k * (count - 1) / max(wanted - 1, 1)) for k in range(wanted)})
     place = folder
     while not place.is_dir():

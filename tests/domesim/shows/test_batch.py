@@ -737,7 +737,7 @@ def test_a_dry_run_tells_and_leaves_nothing(tmp_path: Path, recipe: Harmful) -> 
     begun = slow.begun()
     assert 2 <= len(begun) == figures["sampled"] <= 8
     assert {begun[0], begun[-1]} == {"in.0001.exr", "in.0040.exr"}  # from all over the show
-    assert figures["seconds_frame"] >= 0.1
+    assert figures["seconds_frame"] >= 0.05  # it sleeps twice as long; ends are not even
     assert figures["seconds_total"] >= 40 * figures["seconds_frame"]
     copied(tmp_path, recipe, 0)
     took = sum(path.stat().st_size for path in (tmp_path / "out").glob("*.exr"))
@@ -755,7 +755,7 @@ def test_a_dry_run_of_one_master_tells_of_many_like_it(
     figures = estimate(only, tmp_path / "out", busy, console, Writing(), running, 36000)
     assert figures["frames"] == 36000
     assert set(busy.begun()) == {"in.0001.exr"}
-    assert len(busy.begun()) == figures["sampled"] == 4 * max(1, workers)
+    assert len(busy.begun()) == figures["sampled"] == 2 * max(1, workers)
     of_36 = estimate(only, tmp_path / "out", busy, console, Writing(), running, 36)
     assert figures["disk_total"] == 1000 * of_36["disk_total"]
     # It sleeps: what cores do in that time does not count its sleep
