@@ -321,12 +321,22 @@ def shader(
     packing: Packed = None,
     encoding: Encoded = None,
     lift: Lift = None,
+    cue_list: Annotated[
+        Path | None,
+        typer.Option(
+            "--cues",
+            metavar="FILE",
+            help="--for gpu-next: a cue list (CSV), as for 'domesim compensate'. A script for mpv "
+            "is written beside the shader (.lua), which sets its options frame by frame.",
+            show_default=False,
+        ),
+    ] = None,
     overwrite: Overwrite = False,
     quiet: Quiet = False,
 ) -> None:
     """Write a shader that compensates a video as it plays, for mpv, FFmpeg and ISF hosts."""
     from compensate.live.isf import isf_of  # noqa: PLC0415 - not for live
-    from compensate.live.shader import shader_of  # noqa: PLC0415
+    from compensate.live.shader import script_of, shader_of  # noqa: PLC0415
 
     writers: dict[str, Callable[..., str]] = {
         "mpv": shader_of,
@@ -341,15 +351,25 @@ def shader(
     aim = Aim() if lift is None else Aim(lift=lift)
     rows, cols, beside = _views(theatre, width, height, packing)
     colour = _meaning(theatre, encoding, "bt709")
-    prepare(out, inputs=place.files(), overwrite=overwrite)
-    text = writers[player](theatre, rows, cols, colour, beside=beside, aim=aim)
-    write_whole(out, text.encode())
+    texts = {out: writers[player](theatre, rows, cols, colour, beside=beside, aim=aim)}
+    if cue_list is not None:
+        if player != "gpu-next":
+            raise InputError(f"--cues belongs to --for gpu-next, got --for {player}")
+        script = out.with_suffix(".lua")
+        texts[script] = script_of(read_cue_list(cue_list), aim.lift, script.name)
+    inputs = [*place.files(), *([] if cue_list is None else [cue_list])]
+    prepare(*texts, inputs=inputs, overwrite=overwrite)
+    for path, text in texts.items():
+        write_whole(path, text.encode())
     advice = {
         "mpv": ADVICE["a film in a player"].given(shader=out, film="VIDEO"),
         "gpu-next": ADVICE["a film in gpu-next"].given(shader=out, film="VIDEO"),
         "isf": f"-> {out}",
     }
-    Console(quiet=quiet).say(f"{theatre.name}: {width} x {height}, {_told(colour)}", advice[player])
+    scripts = [f"and, for the cues, --script={path}" for path in texts if path != out]
+    Console(quiet=quiet).say(
+        f"{theatre.name}: {width} x {height}, {_told(colour)}", advice[player], *scripts
+    )
 
 
 def _meaning(theatre: Scene, encoding: str | None, usual: str) -> ColourTag:

@@ -28,6 +28,7 @@ from compensate.live.constants import (
     constants_of,
     turns_of,
 )
+from compensate.shows.cue_list import CueList
 from domesim import __version__
 from domesim.errors import InputError
 from domesim.frames.colour import ColourTag
@@ -113,6 +114,40 @@ def shader_of(
     else:
         name, facts = "pair.glsl.j2", _about_pair(constants, beside=beside)
     return rendered(name, about | facts)
+
+
+def script_of(cues: CueList, usual: float, name: str) -> str:
+    """Writes a script by which mpv sets a shader's uniforms, frame by frame.
+
+    Parameters
+    ----------
+    cues
+        The cue list.
+    usual
+        Lift of frames that it does not name.
+    name
+        Of the script's file.
+
+    Returns
+    -------
+    text
+        In Lua.
+    """
+    known = [
+        {
+            **vars(cue),
+            "before": cues.lift(cue.first - 1, usual),
+            "lift": usual if cue.lift is None else cue.lift,
+            "compensating": int(cue.method != "none"),
+        }
+        for cue in cues.cues
+    ]
+    for cue in known:
+        if cue["method"] == "subtractive":
+            cue |= {"before": 0.0, "lift": 0.0}
+    return rendered(
+        "cues.lua.j2", {"cues": known, "cues_name": cues.name, "usual": usual, "name": name}
+    )
 
 
 def about_scene(

@@ -30,6 +30,7 @@ from PIL import Image
 from compensate.aim import Aim
 from compensate.live.shader import shader_of
 from compensate.live.y4m import header_of
+from compensate.shows.cue_list import read_cue_list
 from domesim.errors import InputError
 from domesim.frames.encodings import encoding_named
 from domesim.scene import Scene, load_scene
@@ -298,3 +299,40 @@ def test_uniforms_are_the_lift_and_the_switch(run, tmp_path, name):
     plain = shader_of(scene, 64, 64 // scene.views, encoding_named("bt709"), aim=STRONG)
     assert "//!PARAM" not in plain
     run("shader", *how, "--for", "resolume").is_refused("--for 'resolume'", "isf")
+
+
+def test_a_cue_list_sets_the_uniforms_frame_by_frame(run, tmp_path):
+    """The script is run by mpv's Lua, which is told the numbers of frames."""
+    if shutil.which("mpv") is None:
+        pytest.skip("no mpv on the PATH")
+    cues, out = tmp_path / "cues.csv", tmp_path / "show.glsl"
+    cues.write_text(
+        "first,last,method,lift,ramp\n3,6,,2.5,2\n7,9,,,4\n12,12,none,,\n13,13,subtractive,3,\n"
+    )
+    how = ("--scene", "dome_imax", "--size", "64x64", "--lift", 0.5, "--cues", cues, "--out", out)
+    run("shader", *how).is_refused("--cues belongs to --for gpu-next")
+    done = run("shader", *how, "--for", "gpu-next")
+    assert done.code == 0
+    assert f"--script={out.with_suffix('.lua')}" in done.out
+    (tmp_path / "told.lua").write_text(
+        f"""local real, passed, shown, told = mp, 0, nil, io.open("{tmp_path}/told", "w")
+        mp = {{
+          observe_property = function(_, _, show) shown = show end,
+          get_property_number = function() return passed end,
+          set_property = function(_, value) told:write(value, "\\n") end,
+        }}
+        dofile("{out.with_suffix(".lua")}")
+        for frame = 0, 13 do passed = frame; shown() end
+        told:close()
+        real.commandv("quit")"""
+    )
+    quiet = ("--no-config", "--vo=null", "--ao=null", "--idle=once", "--really-quiet")
+    subprocess.run(["mpv", *quiet, f"--script={tmp_path / 'told.lua'}"], check=True, timeout=60)
+    known = read_cue_list(cues)
+    for number, line in enumerate((tmp_path / "told").read_text().splitlines(), 1):
+        lift, compensating = (float(each.split("=")[1]) for each in line.split(","))
+        method = known.method(number, "perceptual")
+        assert compensating == (method != "none")
+        assert method != "subtractive" or lift == 0
+        assert method != "perceptual" or lift == pytest.approx(known.lift(number, 0.5), abs=1e-5)
+    assert number == 14
