@@ -90,6 +90,7 @@ def _alarms(moved: Mapping[str, Line]) -> list[Alarm]:
     alarms = []
     for first, last in runs(marked):
         most = max(each or 0 for each in shown[first : last + 1])
-        told = f"{decimal(most, 2)} visible steps" if most > STEP else "a visible step"
+        steps = decimal(most, 2)
+        told = "a visible step" if steps == "1" else f"{steps} visible steps"
         alarms.append(Alarm(first, last, f"black moves by up to {told} ({SOURCE})"))
     return alarms
