@@ -464,3 +464,55 @@ def test_the_probe_reads_both_eyes(stereo: Viewer) -> None:
             np.testing.assert_allclose(
                 [told["r"], told["g"], told["b"]], WHITE * light[20, 30].astype(float), rtol=1e-3
             )
+
+
+def test_the_split_moves_by_keyboard(viewer: Viewer) -> None:
+    handle = viewer.find("split")
+    assert handle.get_attribute("role") == "slider"
+    for keys, share in (("ArrowLeft", 0.49), ("Shift+ArrowRight", 0.59), ("Home", 0), ("End", 1)):
+        handle.press(keys)
+        assert viewer.state()["split"] == pytest.approx(share)
+
+
+def test_a_and_b_are_picked_and_swapped(viewer: Viewer) -> None:
+    viewer.find("a-1").click()
+    viewer.find("b-2").click()
+    assert (viewer.state()["a"], viewer.state()["b"]) == (0, 1)
+    viewer.page.keyboard.press("x")
+    assert (viewer.state()["a"], viewer.state()["b"]) == (1, 0)
+
+
+def test_display_gamma_changes_what_is_shown_as_predicted(viewer: Viewer) -> None:
+    light = make_views()[0].light[33, 47].astype(float)
+    viewer.page.keyboard.press("1")
+    viewer.page.locator("label", has=viewer.find("gamma-2.4")).click()
+    predicted = 255 * np.clip(light, 0, 1) ** (1 / 2.4)
+    np.testing.assert_allclose(viewer.colour(33, 47)[:3], predicted, atol=0.6)
+    assert "gamma 2.4" in viewer.find("badge").inner_text()
+
+
+def test_the_dark_room_brings_shadows_to_mid_grey_unless_that_clips_the_picture(
+    viewer: Viewer,
+) -> None:
+    lit = np.sort((make_views()[0].light.astype(float) @ LUMA)[disc()])
+    stops = np.log2(0.18 / lit[int(0.475 * lit.size)]), np.log2(1 / lit[int(0.98 * lit.size)])
+    assert abs(stops[0] - stops[1]) > 0.2
+    viewer.find("dark-room").click()
+    assert viewer.state()["exposure"] == pytest.approx(max(0, min(stops)), abs=0.06)
+    assert viewer.page.evaluate("document.documentElement.classList.contains('dark-room')")
+    viewer.find("dark-room").click()
+    assert viewer.state()["exposure"] == 0
+
+
+def test_the_grid_shows_all_views_at_the_same_place(viewer: Viewer) -> None:
+    viewer.page.keyboard.press("g")
+    viewer.state()
+    box = viewer.find("picture").bounding_box()
+    for cell, view in enumerate(make_views()):
+        at = viewer.page.evaluate(f"domesimViewer.toWindow(20, 30, {cell})")
+        shown = viewer.page.evaluate(
+            "([x, y]) => [...document.getElementById('picture').getContext('2d')"
+            ".getImageData(x, y, 1, 1).data]",
+            [int(at["x"] - box["x"]), int(at["y"] - box["y"])],
+        )
+        np.testing.assert_allclose(shown[:3], srgb(view.light[20, 30].astype(float)), atol=0.6)

@@ -485,3 +485,47 @@ def test_the_view_from_a_seat_is_the_path_tracers(browser: Any, tmp_path: Path, 
     off = delta_E(*labs, method="CIE 2000")
     assert labs[0].std(axis=(0, 1)).max() > 5  # it is no plain picture
     assert off.max() < 1
+
+
+def test_split_shows_a_left_and_b_right_in_the_dome_and_space_flips(dome: Viewer) -> None:
+    box = domed(dome)
+    at = [
+        (int(box["y"] + 0.3 * box["height"]), int(box["x"] + x * box["width"])) for x in (0.3, 0.7)
+    ]
+    split = shot(dome)
+    whole = []
+    for key in ("2", "3"):
+        dome.page.keyboard.press(key)
+        whole.append(shot(dome))
+    for place, picture, other in zip(at, whole, whole[::-1], strict=True):
+        np.testing.assert_array_equal(split[place], picture[place])
+        assert np.abs(split[place].astype(int) - other[place]).max() > 5
+    dome.page.keyboard.down(" ")
+    assert dome.state()["shown"] == 1
+    np.testing.assert_array_equal(shot(dome)[at[0]], whole[0][at[0]])
+    dome.page.keyboard.up(" ")
+
+
+def test_wheel_keys_and_buttons_change_the_view(dome: Viewer) -> None:
+    box = domed(dome)
+    begin = dome.state()["look"]
+    dome.page.mouse.move(box["x"] + 200, box["y"] + 200)
+    dome.page.mouse.wheel(0, -300)
+    dome.page.wait_for_function(f"domesimViewer.state().look.field < {begin['field'] - 10}")
+    dome.page.keyboard.press("0")
+    assert dome.state()["look"] == begin
+    dome.find("zoom-out").click()
+    assert dome.state()["look"]["field"] == pytest.approx(1.25 * begin["field"])
+    assert "°" in dome.find("zoom-value").inner_text()
+    assert dome.find("zoom-one").is_disabled()
+    dome.page.keyboard.press("ArrowRight")
+    dome.page.keyboard.press("ArrowUp")
+    dome.page.keyboard.press("Shift+ArrowUp")
+    look = dome.state()["look"]
+    assert look["turn"] == pytest.approx(begin["turn"] + 5)
+    assert look["rise"] == pytest.approx(begin["rise"] + 6)
+    for _ in range(12):
+        dome.page.keyboard.press("ArrowUp")
+    assert dome.state()["look"]["rise"] == pytest.approx(89.9)
+    dome.page.mouse.dblclick(box["x"] + 200, box["y"] + 200)
+    assert dome.state()["look"] == begin
