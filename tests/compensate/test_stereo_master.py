@@ -12,9 +12,11 @@ from compensated import compensate_frame
 from pairs import pair
 
 from compensate.figures import Appraisal
+from compensate.master import compensate
 from compensate.methods import STEREO
 from compensate.pose import pose
 from compensate.solve import solved
+from compensate.weighting import PerceptualWeighting
 from domesim.errors import InputError
 from domesim.frames import ColourTag, Frame, Master
 from domesim.observation.crosstalk import leak_matrices
@@ -88,6 +90,19 @@ def test_halved_views_are_refused():
         with pytest.raises(InputError, match=r"views at half (width|height)\?.*Stretch"):
             decoded(Master((half, half), packing), paper)
         assert decoded(Master((half, half), "files"), paper).shape == (2, rows, cols, 3)
+
+
+def test_a_seat_of_twice_the_weight_counts_as_two():
+    scene = system().seen_from("sweet spot")
+    sweet, left = (system().seats[name] for name in ("sweet spot", "left"))
+
+    def solution(**seats):
+        several = replace(scene, seats=seats, chosen=tuple(seats))
+        return compensate(light(), several, weighting=PerceptualWeighting()).light
+
+    weighted = solution(a=replace(sweet, weight=2.0), b=left)
+    assert np.abs(weighted - solution(a=sweet, again=sweet, b=left)).max() <= 2e-3
+    assert np.abs(weighted - solution(a=sweet, b=left)).max() > 5e-3
 
 
 def test_the_figures_of_several_seats_are_the_mean_of_theirs():

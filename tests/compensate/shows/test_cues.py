@@ -40,8 +40,8 @@ def test_a_show_is_parted_at_its_cuts() -> None:
 
 def test_a_shot_gets_what_is_worse_in_none_of_its_frames() -> None:
     better = {"perceptual": 0.1, "subtractive": 0.15, "none": 0.2}
-    worse = {"perceptual": 0.3, "subtractive": 0.2, "none": 0.2}
-    worst = {"perceptual": 0.3, "subtractive": 0.3, "none": 0.2}
+    worse = {"perceptual": 0.21, "subtractive": 0.2, "none": 0.2}
+    worst = {"perceptual": 0.21, "subtractive": 0.21, "none": 0.2}
     assert chosen([better, better]) == "perceptual"
     assert chosen([better, worse]) == "subtractive"
     assert chosen([better, worse, worst]) == "none"

@@ -93,6 +93,13 @@ def test_the_odd_one_out_is_salient(picture, odd):
     assert int(np.argmax(at)) == odd
 
 
+def test_orientation_counts_less_near_the_border():
+    """Not faded, the odd bar would be as salient as even ones in the middle."""
+    saliency = gbvs(bars(4))
+    at = [saliency[r - 7 : r + 8, c - 7 : c + 8].mean() for r, c in centres()]
+    assert 0.6 < at[4] / max(at) < 0.88
+
+
 def busy(shape=(90, 160)):
     """A picture with features of all kinds and no symmetry."""
     rng = np.random.default_rng(3)
