@@ -14,8 +14,10 @@ from scipy.ndimage import gaussian_filter
 from compensate.aim import Aim, Sight
 from compensate.aim.dome import gain_of, lifted
 from compensate.aim.pair import SHARE, veiled
+from compensate.figures import Appraisal
 from compensate.master import compensate
 from compensate.pose import pose
+from compensate.ruler import NO_DIFFERENCE
 from compensate.solve import solved
 from compensate.solver.result import Status
 from domesim.errors import InputError
@@ -269,6 +271,15 @@ def test_any_array_library(kind):
 def test_a_lift_that_means_nothing_is_refused(lift):
     with pytest.raises(InputError, match="lift"):
         Aim(lift)
+
+
+def test_tabulated_theatres_and_tables_have_an_aim():
+    shutter = load_scene("stereo_shutter")
+    light = generated(96)
+    before, after = (
+        Appraisal(pose(light, shutter)).loss(x) for x in (light, compensate(light, shutter).light)
+    )
+    assert after < before + NO_DIFFERENCE
 
 
 def test_a_still_master_stands_still_and_a_slow_fade_has_no_jump():

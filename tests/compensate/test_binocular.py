@@ -149,6 +149,16 @@ def test_the_ratio_is_that_of_dices_tone_curves():
     assert contrast_ratio(np.zeros(2), np.zeros(2)).tolist() == [1, 1]
 
 
+def test_models_know_no_left_and_right():
+    left, right = RANDOM.random((2, 40)) * 30
+    assert two_stage(left, right) == pytest.approx(two_stage(right, left))
+    energies = RANDOM.random((2, 40))
+    assert gain_control(left, right, *energies) == pytest.approx(
+        gain_control(right, left, *energies[::-1])
+    )
+    assert (rivals(left, right) == rivals(right, left)).all()
+
+
 # Disparity
 
 

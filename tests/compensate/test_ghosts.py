@@ -78,6 +78,15 @@ def test_the_perfect_picture_has_no_ghost():
     assert measured(none, 0.5 * none.desired).ghost_left == 0
 
 
+def test_brightness_does_not_matter():
+    problem = stereo()
+    light, _ = clipped_subtraction(problem)
+    full = measured(problem, light)
+    half = measured(stereo(desired=problem.desired / 2), light / 2)
+    assert 0.05 < full.edge_energy < 0.95
+    assert half.edge_energy == pytest.approx(full.edge_energy, rel=1e-12)
+
+
 def test_a_single_edge():
     """Steps in one place: the ratio of their heights, whatever their sign."""
     ghost = edge(0.1)
@@ -100,6 +109,14 @@ def test_a_blurred_edge_in_closed_form(blur):
     smooth = gaussian_filter(ghost, (0, 0, blur), mode="nearest")
     expected = (1 + (blur / sigma) ** 2) ** -0.25
     assert edge_energy(smooth, ghost, pixels_per_degree) == pytest.approx(expected, rel=5e-3)
+
+
+def test_the_smallest_gaussian_is_of_seven_tenths_of_a_pixel():
+    ghost = edge(0.1)
+    smooth = gaussian_filter(ghost, (0, 0, 1.0), mode="nearest")
+    coarse = edge_energy(smooth, ghost, 1.0)
+    assert coarse == edge_energy(smooth, ghost, 0.7 * 6 * np.pi)
+    assert coarse != edge_energy(smooth, ghost, 0.8 * 6 * np.pi)
 
 
 def test_resolution_does_not_matter():
@@ -142,3 +159,10 @@ def test_ghost_left_of_a_blurred_edge_in_closed_form(blur):
     smooth = gaussian_filter(ghost, (0, 0, blur), mode="nearest")
     expected = (1 + (blur / sigma) ** 2 / 2) ** -0.5
     assert ghost_left(smooth, ghost, pixels_per_degree) == pytest.approx(expected, rel=5e-3)
+
+
+def test_ghost_left_is_at_most_the_edge_energy():
+    random = np.random.default_rng(5)
+    for _ in range(5):
+        error, ghost = random.standard_normal((2, 2, 20, 30))
+        assert abs(ghost_left(error, ghost, 30.0)) <= edge_energy(error, ghost, 30.0)

@@ -127,3 +127,16 @@ def test_what_a_class_offers_decides(desired):
         compensate(desired, DOME, observation=seen, weighting="paper")
     with pytest.raises(InputError, match="compensate takes an Observation, got a int"):
         compensate(desired, DOME, observation=3)
+
+
+def test_single_precision_stops_where_it_can_tell_no_more(desired):
+    """What no iteration could improve is told, and costs what double precision finds."""
+    solver, found = Accelerated(tolerance=1e-9, max_iterations=1000), {}
+    for precision in (np.float32, np.float64):
+        problem = own_problem(desired.astype(precision), DOME, by_functions())
+        found[precision] = solver(problem, problem.anchor)
+    single, double = found[np.float32], found[np.float64]
+    assert single.status is Status.STALLED
+    assert single.iterations < double.iterations <= 1000
+    assert single.optimality <= np.finfo(np.float32).eps
+    assert single.cost == pytest.approx(double.cost, rel=1e-4)

@@ -10,6 +10,7 @@ from scipy.ndimage import gaussian_filter
 
 from compensate import ruler
 from compensate.plain import POINT, PlainFigures, PlainRuler, of_colours
+from compensate.ruler import NO_DIFFERENCE, compared
 from compensate.vision.castle import ACHROMATIC, castle
 from domesim.inspection.magnitudes import faintest_star
 from domesim.light import Light
@@ -183,6 +184,12 @@ def test_large_pictures_are_averaged_but_for_stars(monkeypatch: pytest.MonkeyPat
     assert found.stars == pytest.approx(0.7, rel=1e-4)
     assert found.black == pytest.approx(half.black, rel=1e-5)
     assert found.contrast_coarse == pytest.approx(half.contrast_coarse, rel=1e-4)
+
+
+def test_small_differences_are_none() -> None:
+    assert compared(0.3, 0.3 + 0.9 * NO_DIFFERENCE) == "no different from"
+    assert compared(0.3, 0.3 + 1.1 * NO_DIFFERENCE) == "better than"
+    assert compared(0.3, 0.3 - 1.1 * NO_DIFFERENCE) == "worse than"
 
 
 @pytest.mark.parametrize("chart", ["ten stars", "magnitudes"])

@@ -410,6 +410,12 @@ def test_regions_are_bounding_boxes() -> None:
     assert regions(np.zeros((4, 5), bool), 3) == []
 
 
+def test_eyes_share_their_regions() -> None:
+    mask = np.zeros((2, 12, 20), bool)
+    mask[0, 2, 3] = mask[1, 2, 4] = mask[1, 9, 17] = True
+    assert rectangles(mask) == [(2, 3, 3, 5), (9, 10, 17, 18)]
+
+
 @pytest.mark.parametrize("margin", [0, 1, 4])
 @pytest.mark.parametrize("seed", range(4))
 def test_regions_hold_all_and_are_disjoint(seed: int, margin: int) -> None:

@@ -52,6 +52,19 @@ def test_it_is_nothing_for_the_master_and_rises_with_the_veil():
     assert 0 < lost[1] < lost[2]
 
 
+def test_what_is_lost_in_one_is_lost_in_the_other():
+    """Nearly: both pictures mask alike, but the eye is adapted to the master."""
+    scene, light = load_scene("stereo_shutter"), PICTURES["bars"][1]
+    screen = scene.screen(*light.shape[1:3])
+    ghosts = (light + 0.01 * light[::-1]).astype(np.float32)
+    there, back = (
+        Ruler(wanted, scene, screen).lost(seen)
+        for wanted, seen in ((light, ghosts), (ghosts, light))
+    )
+    assert there > 0.05
+    assert back == pytest.approx(there, rel=0.2)
+
+
 def test_eyes_are_judged_one_by_one():
     scene, light, (seen, _) = PICTURES["lamps"]
     screen = scene.screen(*light.shape[1:3])

@@ -18,6 +18,7 @@ from compensate.ruler import Ruler
 from compensate.weighting import PerceptualWeighting
 from domesim.frames import ColourTag, Frame, Master
 from domesim.light import strips, transfer
+from domesim.observation.crosstalk import Crosstalk
 from domesim.scene import Scene, load_scene
 from domesim.scene.screening import decoded, encoded, mean_luminance, within_range
 from domesim.scene.stereo import StereoScene
@@ -89,6 +90,21 @@ def test_the_next_frame_of_a_size_needs_no_new_weighting(
     assert len(built) == 2
     alone = pose(second.desired, scene)
     assert Appraisal(second).loss_before == pytest.approx(Appraisal(alone).loss_before, rel=1e-6)
+
+
+def test_figures_are_not_counted_as_the_solvers_transforms() -> None:
+    """They may be computed while the next frame is solved, with the same weighting."""
+    scene, light = CASES["all seats"]
+    posed = pose(light, scene)
+    before = posed.problem.ffts
+    assert (
+        Appraisal(posed).visible_error(posed.desired)
+        > Appraisal(posed).visible_error(posed.subtractive)
+        > 0
+    )
+    assert posed.problem.ffts == before
+    posed.problem.quadratic(posed.subtractive)
+    assert posed.problem.ffts > before
 
 
 @pytest.mark.parametrize("case", CASES)
@@ -193,6 +209,17 @@ def test_a_master_in_strips_is_that_of_the_whole(case: str, bits: int) -> None:
     outside = np.any((pixels < least - 0.5 / 65535) | (pixels > largest + 0.5 / 65535), axis=-1)
     assert clipped == pytest.approx(np.mean(outside[:, screen]))
     assert (clipped > 0) == (bits == 8)
+
+
+@pytest.mark.usefixtures("_strips")
+@pytest.mark.parametrize("share", [None, (0.5, 1.5)])
+def test_crosstalk_in_strips_is_that_of_the_whole(share: tuple[float, float] | None) -> None:
+    light = np.random.default_rng(0).random((2, 30, 40, 3), np.float32)
+    varying = None if share is None else np.linspace(*share, 2 * 30 * 40).reshape(2, 30, 40)
+    black = np.array([[0.01, 0.02, 0.03], [0.04, 0.05, 0.06]])
+    crosstalk = Crosstalk(30, 40, COLOURED, share=varying, black=black)
+    expected = light + crosstalk.leaked(light) + black[:, None, None, :]
+    np.testing.assert_allclose(crosstalk.observe(light), expected, atol=1e-6)
 
 
 @pytest.mark.parametrize("brightest", [1.0, 1.5])

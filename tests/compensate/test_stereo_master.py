@@ -60,6 +60,14 @@ def test_every_method_stays_in_range(method):
     assert (outcome.light != light()).any() == (method != "none")
 
 
+def test_ours_has_the_least_visible_error():
+    posed = pose(light(), system(), PerceptualWeighting())
+    errors = {name: Appraisal(posed).visible_error(solved(posed, name).light) for name in STEREO}
+    others = min(error for name, error in errors.items() if name != "perceptual")
+    assert errors["perceptual"] < 0.95 * others
+    assert errors["none"] > errors["subtractive"]
+
+
 def test_the_figures_tell_of_ghosts():
     figures = {
         name: compensate_frame(master(), system(), method=name).figures
@@ -111,6 +119,21 @@ def test_the_figures_of_several_seats_are_the_mean_of_theirs():
     by_seat = Appraisal(posed).look(answer).by_seat
     assert list(by_seat) == ["sweet spot", "left", "right"]
     assert np.mean(list(by_seat.values())) == pytest.approx(Appraisal(posed).loss(answer))
+
+
+def test_a_table_is_seen_as_it_is():
+    scene = load_stereo("stereo_shutter")
+    scene = replace(scene, viewing=system().viewing)
+    posed = pose(light(), scene, PerceptualWeighting())
+    exact = scene.observation(ROWS, COLS)
+    result = solved(posed, "perceptual")
+    assert Appraisal(posed).visible_error(result.light) < 0.9 * Appraisal(posed).visible_error(
+        posed.subtractive
+    )
+    residual = exact.observe(result.light) - posed.problem.desired
+    assert np.array_equal(posed.residual(result.light), residual)
+    with pytest.raises(InputError, match="'paper' is not known for stereo_shutter"):
+        solved(posed, "paper")
 
 
 def test_seats_have_their_maps():

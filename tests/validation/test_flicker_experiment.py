@@ -81,4 +81,18 @@ def test_a_disc_moves_before_both_eyes():
         assert area == pytest.approx(np.pi * films.RADIUS**2, rel=0.02)
 
 
+def test_a_jump_is_told_over_the_slope_around():
+    levels = np.linspace(0, 2, 21)
+    levels[12:] += 0.1  # twice the step of 0.1
+    found = flicker.jumps(levels)
+    assert found.argmax() == 11
+    assert found.max() == pytest.approx(2)
+    assert np.median(found) == pytest.approx(1)
+
+
+def test_a_bend_is_no_slope():
+    assert flicker.bend([0.0, 1.0, 2.0, 3.0]) == 0
+    assert flicker.bend([0.0, 1.0, 3.0, 4.0]) == 1
+
+
 # Measures

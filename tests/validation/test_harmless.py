@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from validation.experiments import domes_in_3d, flat_cinema, stray_light, two_eyes
+from validation.experiments import domes_in_3d, fig10_seats, flat_cinema, stray_light, two_eyes
 
 
 def red(checks) -> list[str]:
@@ -41,6 +41,15 @@ def test_the_default_of_pairs_may_not_be_worse_than_nothing_or_subtraction():
         ]
     assert found(rivalry=0.015) == ["rivalry: default less subtraction, lower end of the interval"]
     assert found(judged=9.87) == ["pairs 0.02 JOD short of the better of nothing and subtraction"]
+
+
+def test_one_pair_of_twelve_may_be_short():
+    rises = {"pair": two_eyes.Rise([0.0, 0.1], [0.0, 0.1], [0.0, 0.1])}
+    cells, short = pairs(), pairs(judged=9.8)
+    for number, expected in ((0, 0), (1, 1)):
+        key = f"pair {number}", two_eyes.USUAL, two_eyes.DEFAULT
+        cells[key] = short[key]
+        assert len(red(two_eyes._checks(rises, cells, quick=False))) == expected
 
 
 def test_a_film_s_frame_may_not_be_harmed_nor_its_black_lifted():
@@ -97,3 +106,14 @@ def test_the_eye_s_own_light_hides_some_pollution_and_not_most(visible, expected
     seen = stray_light.Seen(shares, {0: 0.3, **dict.fromkeys(stray_light.AGES, visible)})
     checks = stray_light._checks(stray_light.Work(quick=False), {"one": seen}, seen)
     assert red(checks) == expected
+
+
+@pytest.mark.parametrize(("gain", "expected"), [(0.001, 0), (-0.001, 1)])
+def test_the_default_of_all_seats_may_not_lose_more_than_untouched(gain, expected):
+    nothing = dict.fromkeys(fig10_seats.SEATS, 0.5)
+    default = {**nothing, "left": 0.5 - gain}
+    seen = {
+        name: fig10_seats.Seen({}, {}, lost, 0.0)
+        for name, lost in (("none", nothing), ("default", default))
+    }
+    assert len(red([fig10_seats._harmless([fig10_seats.Outcome({}, seen, ())])])) == expected

@@ -109,3 +109,14 @@ def test_compensation_for_nothing_would_be_noticed(found):
         "x: error of the tabulated prediction, over the mean added light",
         "x: FLIP, closed form over uncompensated",
     }
+
+
+def test_a_tabulation_that_does_harm_would_be_noticed(found):
+    _, outcome = found
+    swapped = outcome.seen | {"tabulated": outcome.seen["untouched"]}
+    failed = [
+        check.what
+        for check in wrong_model._checks("x", replace(outcome, seen=swapped))
+        if not check.passed
+    ]
+    assert failed == ["x: quality lost, tabulated less closed form"]

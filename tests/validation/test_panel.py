@@ -169,6 +169,21 @@ def test_vsi_hangs_on_no_single_pixel():
     assert chosen("PU21-VSI").judge(warm, other, LED) > 0.999
 
 
+def test_light_above_full_scale_is_clipped_where_piq_insists():
+    pytest.importorskip("piq")
+    bright = [even(grey, size=168)[:, :, :168] for grey in (1.5, 3.0)]
+    assert chosen("PU21-MS-SSIM").judge(*bright, LED) == pytest.approx(1)
+    assert np.isfinite(panel.pu21_psnr(*bright, LED))
+
+
+def test_fovvideovdp_knows_the_pixels_per_degree():
+    pytest.importorskip("pyfvvdp")
+    for density in (2.1, 6.98, 60.0):
+        with judges.quiet(), panel._unwarned():
+            metric = panel._metric(168, 200, density)
+        assert metric.pix_per_deg == pytest.approx(density)
+
+
 def test_fovvideovdp_leaves_colorvideovdp_its_modules():
     """Both packages call different modules `interp`."""
     pytest.importorskip("piq")

@@ -60,6 +60,14 @@ def few(monkeypatch, tmp_path, kept):
     monkeypatch.setattr(inputs, "wanted", chosen)
 
 
+def test_missing_judges_are_not_judged(monkeypatch, tmp_path):
+    few(monkeypatch, tmp_path, {"credits", "smooth limb"})
+    finding = quality.run(Work(quick=False))
+    assert any("not judged; ColorVideoVDP need" in why for why in finding.left_out)
+    assert not any("ColorVideoVDP" in check.what for check in finding.checks)
+    assert any("law of limb" in check.what for check in finding.checks)
+
+
 def test_all_judges_see_the_reporting_half(monkeypatch, tmp_path):
     asked = []
 
@@ -87,6 +95,12 @@ def test_all_judges_see_the_reporting_half(monkeypatch, tmp_path):
     assert len(finding.tables[-1].rows) == 4
 
 
+def test_light_taken_from_what_is_exact_turns_it_red(monkeypatch):
+    change(monkeypatch, measuring, "subtractive", lambda posed, light: 0.8 * light)
+    found = failed(quality.run(Work()))
+    assert any(what.startswith("light of what is exact") for what in found)
+
+
 def test_a_lifted_black_turns_it_red(monkeypatch):
     change(monkeypatch, measuring, "subtractive", lambda posed, light: 0.02 + 0.98 * light)
     found = failed(quality.run(Work()))
@@ -110,6 +124,19 @@ def test_no_input_that_was_looked_at_is_reported(monkeypatch):
         assert len(pairs) >= 10
     assert len(found["magnitudes"].balls) == 3
     assert found["nebula"].balls == []
+
+
+def test_a_brighter_scene_has_a_brighter_black():
+    stereo, dome = stereo_at(0.1, 48.0), dome_at(0.7, 5.0)
+    dark = stereo.observation(9, 16).observe(np.zeros((2, 9, 16, 3), np.float32))
+    assert dark == pytest.approx(1 / 2000)
+    light = np.zeros((2, 9, 16, 3), np.float32)
+    light[1] = 1
+    assert stereo.observation(9, 16).observe(light)[0] == pytest.approx(0.1 + 1 / 2000)
+    assert dome.albedo == (0.7, 0.7, 0.7)
+    dark = dome.observation(8, 8).observe(np.zeros((1, 8, 8, 3), np.float32))
+    assert dark[:, dome.screen(8, 8)] == pytest.approx(1 / 2000)
+    assert (stereo.viewing.adaptation, dome.viewing.adaptation) == pytest.approx((4.8, 0.5))
 
 
 # What is expected

@@ -254,6 +254,21 @@ def test_there_is_something_to_fail():
         Finding(result="Fine.", checks=())
 
 
+def test_infinite_figures_are_kept(tmp_path):
+    for _ in range(2):
+        work = Work(store=tmp_path)
+        assert work.step("far", tuple[float, float], lambda: (float("inf"), 1.0))[0] > 1e300
+    (tmp_path / next(tmp_path.glob("*.json")).name).read_text().index("Infinity")
+    assert Work(store=tmp_path).step("far", tuple[float, float], lambda: (0.0, 0.0))[0] > 1e300
+
+
+def test_two_steps_of_one_name_are_a_mistake():
+    work = Work()
+    work.step("a", float, lambda: 1.0)
+    with pytest.raises(ValueError, match="two steps are called 'a'"):
+        work.step("a", float, lambda: 2.0)
+
+
 def test_steps_have_files_of_their_own(tmp_path):
     work = Work(store=tmp_path)
     for value, name in enumerate(("a b", "a-b", "a/b", "../a b", "ä" * 300)):

@@ -34,6 +34,12 @@ def test_light_kept_is_the_ratio_where_it_is_asked_for():
         assert (found.median, found.fifth) == pytest.approx((ratio, ratio))
 
 
+def test_light_kept_has_a_median_and_a_fifth_percentile():
+    master, ratio = np.full((2, 40, 60, 3), 0.2), np.linspace(0, 1, 2400).reshape(1, 40, 60, 1)
+    found = seen.light_kept(master, master * ratio, np.ones((40, 60), bool), PAIR)
+    assert (found.median, found.fifth) == pytest.approx((0.5, 0.05), abs=1e-3)
+
+
 def test_black_keeps_no_light_and_the_corners_do_not_count():
     master = grey(np.where(SCREEN, 0.1, 0.3))
     veiled = grey(np.where(SCREEN, 0.2, 0.3))
@@ -95,3 +101,10 @@ def test_only_the_darker_half_has_its_hue_judged():
 def test_grey_has_no_hue():
     plane = RANDOM.uniform(0.1, 1, (2, 40, 60))
     assert seen.saturation_and_hue(grey(*plane).astype(np.float32), coloured(), PAIR) is None
+
+
+def test_black_level_is_the_first_percentile_on_the_screen():
+    plane = np.zeros((SIZE, SIZE))
+    plane[SCREEN] = RANDOM.permutation(np.linspace(0.1, 1.1, SCREEN.sum()))
+    found = seen.black_level(grey(plane), DOME)
+    assert found == pytest.approx(0.11 * DOME.projector.white, rel=1e-3)

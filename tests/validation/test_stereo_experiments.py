@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 from mistakes import failed
 
@@ -9,6 +10,7 @@ from compensate.aim import pair
 from compensate.methods import STEREO
 from domesim.pathtrace import polarised
 from domesim.scene import StereoScene, load_stereo
+from validation import data
 from validation.experiment import Work, load_experiment
 from validation.experiments import (
     fig2_fig6_deghosting,
@@ -77,6 +79,24 @@ def test_the_line_by_hand_is_the_depolarised_share_over_the_rest():
     assert polarised_crosstalk.by_hand(theatre, 0.0) == pytest.approx(
         0.0105 / (2.4 - 0.0105) + 2 / 300, rel=0.01
     )
+
+
+def test_the_region_holds_a_ghost_that_cannot_be_subtracted():
+    scene = load_stereo(fig2_fig6_deghosting.STEREO_SCENE)
+    posed = fig2_fig6_deghosting.pose(
+        fig2_fig6_deghosting.pair(fig2_fig6_deghosting.GENERATED, 128, scene), scene
+    )
+    rows, cols = fig2_fig6_deghosting.uncorrectable(posed)
+    assert (rows.stop - rows.start, cols.stop - cols.start) == (18, 32)
+    left = posed.seen(posed.subtractive) - posed.wanted
+    energy = np.sum(left**2, axis=(0, 3))
+    assert energy[rows, cols].mean() > 2 * energy.mean()
+
+
+def test_pairs_that_are_not_there_are_left_out(monkeypatch, tmp_path):
+    monkeypatch.setenv(data.FOLDER, str(tmp_path))
+    found, left_out = data.present(fig2_fig6_deghosting.DATA)
+    assert (found, len(left_out)) == ([], len(fig2_fig6_deghosting.DATA))
 
 
 @pytest.mark.parametrize(("ours", "others", "passes"), [(0, 0, 1), (0, 1, 1), (2, 1, 0), (1, 0, 0)])

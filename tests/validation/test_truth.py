@@ -110,3 +110,13 @@ def test_a_way_that_is_off_is_not_as_expected(name, picture, way, wrong):
 def test_a_published_figure_that_is_missed_is_not_as_expected():
     off = [replace(PUBLISHED["5.8 all bounces"][0], ours=6.0), *PUBLISHED["5.8 all bounces"][1:]]
     assert not truth.finding(WANTED, FOUND, {"5.8 all bounces": off}, quick=True).passed
+
+
+@pytest.mark.parametrize("number", range(8))
+def test_drawn_theatres_hold_no_lens_in_a_box(number):
+    theatre = drawn(number, 7).theatre
+    for place in [lens.position for lens in theatre.lenses] or [(0, 0, 0)]:
+        for solid in theatre.solids:
+            low, high = solid.vertices.min(0), solid.vertices.max(0)
+            assert not np.all((low < place) & (place < high))
+    assert theatre.solids or theatre.floor

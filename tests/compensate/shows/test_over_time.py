@@ -18,7 +18,7 @@ from compensate.shows.over_time import timeline
 from compensate.solve import solved
 from domesim.light import Light
 from domesim.scene import load_scene
-from domesim.shows.timeline import Panel, Timeline, _thinned, drawn
+from domesim.shows.timeline import Panel, Timeline, _thinned, drawn, runs
 
 FRAMES, SIZE, RATE = 48, 48, 24.0
 FIRST, LAST = 16, 40
@@ -132,6 +132,11 @@ def test_a_long_show_keeps_its_ends_and_a_small_drawing() -> None:
     assert abs(times[int(np.argmax(ends))] - seconds[12_345]) < 72 / RATE
     assert np.diff(times).min() >= 0
     assert len(drawn(Timeline([Panel("x", {"a": values}, from_zero=False)]), seconds)) < 50_000
+
+
+def test_runs_of_marks() -> None:
+    assert list(runs([True, True, False, True])) == [(0, 1), (3, 3)]
+    assert list(runs([False, False])) == []
 
 
 @pytest.fixture(scope="module")

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 from theatres import problem
 
+from compensate.problem import Problem
 from compensate.solver.accelerated import Accelerated
 from compensate.solver.result import Status
 
@@ -38,3 +39,11 @@ def test_rounding_is_admitted():
     least = EXACT(double, exact_start).cost
     assert result.light.dtype == np.float32
     assert double.cost(result.light.astype(np.float64)) <= least * (1 + 1e-4)
+
+
+def test_nothing_to_do_is_no_division_by_zero():
+    posed, _ = problem(9)
+    light = np.full_like(posed.desired, 0.5)
+    bare = Problem(posed.observation, posed.weighting, posed.observation.observe(light))
+    result = Accelerated()(bare, light)
+    assert result.status is Status.CONVERGED

@@ -26,3 +26,13 @@ def test_as_many_points_as_there_are_rates_are_enough():
     """With three rates, three old points cancel all of the residual (Walker & Ni, theorem 2.2)."""
     assert distances(0, 8)[-1] > 0.5
     assert distances(3, 8)[-1] < 1e-7
+
+
+def test_it_begins_anew_where_the_residual_grows():
+    """What it knew of another problem does not mislead it."""
+    anderson = Anderson(3)
+    random = np.random.default_rng(1)
+    for size in (1e-6, 0.9e-6, 0.8e-6):
+        anderson.next(random.normal(size=(1, 4, 4)), size * random.normal(size=(1, 4, 4)))
+    point, residual = random.normal(size=(2, 1, 4, 4))
+    np.testing.assert_array_equal(anderson.next(point, residual), point)

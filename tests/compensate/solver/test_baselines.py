@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from theatres import closed_form, problem, weighting
+from laws.test_linear_maps import RankTwo
+from theatres import closed_form, picture, problem, weighting
 
 from compensate import subtract
 from compensate.problem import Problem
 from compensate.solver.baselines import (
     RaisedBlack,
+    Subtractive,
     clipped_subtraction,
     unclipped,
 )
+from compensate.solver.gpcg import GPCG
 
 
 @pytest.mark.parametrize("falloff", [True, False])
@@ -29,6 +32,19 @@ def test_subtraction_is_the_fixed_point(seed, falloff):
     assert np.abs((one_shot - start) * on).max() > 1e-3
 
 
+def test_subtraction_solves_several_modes():
+    observation = RankTwo(9, 3)
+    screen = observation.screen
+    master = picture(9)
+    on = screen[None, :, :, None]
+    bounds = (np.where(on, 0, master), np.where(on, 1, master))
+    posed = Problem(observation, weighting(screen), observation.direct(master), bounds)
+    light = Subtractive()(posed, master).light
+    gain = observation.factors.direct_gain[None, :, :, None]
+    again = posed.project(light - posed.residual(light) / gain)
+    assert np.abs((again - light) * on).max() <= 1e-9
+
+
 def test_a_raised_black_shows_the_compressed_master_exactly():
     posed, start = problem(15, falloff=False)
     result = RaisedBlack()(posed, start)
@@ -43,6 +59,12 @@ def test_a_raised_black_shows_the_compressed_master_exactly():
     assert seen == pytest.approx(black * white + (1 - black) * wanted, abs=1e-9)
     # and it is the smallest: some pixel is at its bound
     assert result.light[0][on].min() == pytest.approx(0, abs=1e-9)
+
+
+def test_frozen_pollution_is_minimised():
+    posed, start = problem(9)
+    frozen = posed.frozen(start)
+    assert GPCG(max_iterations=3)(frozen, start).cost <= frozen.cost(start)
 
 
 def test_a_first_estimate_of_some_pixels_saves_passes(monkeypatch):

@@ -262,3 +262,26 @@ def of_type(problem: Problem, dtype: type) -> Problem:
         anchor=problem.anchor.astype(dtype),
         regularisation=problem.regularisation,
     )
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_it_holds_in_single_precision_far_from_the_base(seed):
+    """Sums are differences of large ones there, and certified no better than they are rounded."""
+    setting = Setting((5, 6), 0.3, 1e-6)
+    problem = posed("pair, sum and difference", setting, seed)
+    random = np.random.default_rng(seed)
+    anchor = random.uniform(0, 1, problem.anchor.shape)
+
+    def in_precision(dtype):
+        return Problem(
+            problem.observation,
+            problem.weighting,
+            problem.desired.astype(dtype),
+            anchor=anchor.astype(dtype),
+            regularisation=setting.mu,
+        )
+
+    double = in_precision(np.float64)
+    exact = ADMM(tolerance=1e-9, max_iterations=5000)(double, anchor).cost
+    found = ADMM(tolerance=1e-6, max_iterations=200)(in_precision(np.float32), anchor.astype("f4"))
+    assert found.gap is None or found.gap >= double.cost(found.light.astype(float)) / exact - 1

@@ -13,12 +13,13 @@ from hypothesis import strategies as st
 from pairs import COLOURED, share
 from theatres import BT709
 
+from compensate.fourier import padded_size
 from compensate.pose import Posed, Stage
 from compensate.problem import Problem
 from compensate.solve import solved
 from compensate.solver.admm import ADMM
 from compensate.solver.baselines import clipped_subtraction
-from compensate.solver.result import Status
+from compensate.solver.result import Result, Status
 from compensate.solver.windows import Windows, joined
 from compensate.visible import OnlyVisible
 from compensate.weighting import PerceptualWeighting
@@ -113,6 +114,27 @@ def test_a_window_is_the_problem_with_the_rest_pinned(case: str) -> None:
     assert np.all(found.light <= problem.upper)
 
 
+@pytest.mark.parametrize("top", [0, 3, 10, 40, ROWS - 42, ROWS - 32])
+@pytest.mark.parametrize("left", [0, 7, 60, COLS - 50])
+def test_a_window_has_no_more_padding_than_its_box_needs(top: int, left: int) -> None:
+    """Transforms have no ends: across a plane's, too, nothing may be within reach of the box."""
+    problem, start = posed("flat")
+    box, reach, planes = (slice(top, top + 32), slice(left, left + 50)), 10, []
+
+    def solver(part: Problem, start: np.ndarray) -> Result:
+        planes.append((start.shape[1:3], part.weighting.padded))
+        return ADMM()(part, start)
+
+    Windows((box,), reach, solver, overhead=0)(problem, start)
+    (around, padded), *rest = planes
+    assert not rest
+    for side, count, size, length in zip(box, (ROWS, COLS), around, padded, strict=True):
+        before, after = min(side.start, reach), min(count - side.stop, reach)
+        assert size == side.stop - side.start + before + after
+        assert length - size + min(before, after) >= reach
+        assert length == padded_size(side.stop - side.start + reach + max(before, after), 0)
+
+
 def test_a_window_costs_what_its_area_does() -> None:
     problem, start = posed("flat")
     whole, fourier = SOLVER(problem, start), problem.weighting.fourier
@@ -124,6 +146,24 @@ def test_a_window_costs_what_its_area_does() -> None:
     # Shares of the whole picture's transforms
     assert found.ffts == math.ceil(fourier.count - before)
     assert found.cost is None  # which would take transforms of the whole
+
+
+def test_what_is_no_less_work_is_solved_as_a_whole() -> None:
+    problem, start = posed("flat")
+    nearly_all = (slice(2, ROWS), slice(0, COLS - 3))
+    found = Windows((nearly_all,), 10, ADMM(), overhead=0)(problem, start)
+    whole = ADMM()(problem, start)
+    np.testing.assert_array_equal(found.light, whole.light)
+    assert found.gap == whole.gap
+
+
+@pytest.mark.parametrize(("overhead", "status"), [(0, Status.WINDOWS), (10_000, Status.CONVERGED)])
+def test_many_small_rectangles_are_solved_as_a_whole(overhead: int, status: Status) -> None:
+    """Each window costs time whatever its size."""
+    problem, start = posed("flat")
+    boxes = tuple((slice(r, r + 4), slice(c, c + 4)) for r in (20, 90) for c in (20, 90, 160))
+    found = Windows(boxes, 4, ADMM(), overhead=overhead)(problem, start)
+    assert found.status is status
 
 
 def test_without_rectangles_subtraction_stays() -> None:

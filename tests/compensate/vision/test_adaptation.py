@@ -94,6 +94,25 @@ def test_off_the_screen_is_not_looked_at():
         assert (expected[0] > 0).tolist() == screen.tolist()
 
 
+def test_views_do_not_mix():
+    light = picture(2, 30, 44)
+    light[1] *= 100
+    for across in (5.0, 20.0):
+        found = adaptation_luminance(light, across)
+        alone = np.stack([adaptation_luminance(v[None], across)[0] for v in light])
+        assert found == pytest.approx(alone, rel=1e-4)
+
+
+def test_never_below_black():
+    light = np.zeros((1, 64, 100), np.float32)
+    light[0, 7, 9] = 1e6
+    for across in (5.0, 30.0):
+        found = adaptation_luminance(light, across)
+        assert found.dtype == np.float32
+        assert (found >= 0).all()
+        assert found[0, 60, 90] < 1e-2
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [

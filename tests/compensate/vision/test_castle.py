@@ -292,6 +292,15 @@ def test_opponent_contrast_keeps_its_sign_and_takes_pictures():
 
 
 @pytest.mark.parametrize("mechanism", MECHANISMS)
+def test_shapes_and_zero_frequency(mechanism):
+    sensitivity = castle([0.0, 1.0, 4.0], [[0.1], [10.0]], mechanism, area=2.0)
+    assert sensitivity.shape == (2, 3)
+    np.testing.assert_array_equal(sensitivity[:, 0], 0)
+    assert (sensitivity[:, 1:] > 0).all()
+    assert castle(1e4, 10.0, mechanism, area=2.0) < 1e-3
+
+
+@pytest.mark.parametrize("mechanism", MECHANISMS)
 def test_a_larger_grating_is_seen_better_up_to_the_critical_area(mechanism):
     small, large = (castle(2.0, 20.0, mechanism, area=area) for area in (1e-9, 4e-9))
     assert large / small == pytest.approx(2, rel=1e-6)  # ideal summation: the root of the area

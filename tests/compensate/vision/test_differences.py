@@ -125,6 +125,12 @@ def test_even_light_stays_even(size: tuple[int, int]) -> None:
     assert expanded(fewer, size).shape == plane.shape
 
 
+def test_frequencies_are_published_ones_an_octave_apart() -> None:
+    found = [band.frequency for band in bands(field(5.0), field(5.0), PER_DEGREE)]
+    assert found[:3] == pytest.approx([10, 3.228, 1.614])
+    assert found[-2] > 0.2 >= found[-1]
+
+
 # The formula.
 
 
@@ -161,6 +167,17 @@ def test_the_masking_by_hand(wanted: list[float], seen: list[float], size: int) 
     ]
     found = mutually_masked(*(plane.astype(np.float32) for plane in planes))[:, 1, 2]
     assert found == pytest.approx(by_hand(wanted, seen), rel=1e-4)
+
+
+def test_masks_are_smoothed_but_in_small_bands() -> None:
+    both = np.zeros((3, 13, 13), np.float32)
+    both[0, 6, 6] = 60.0
+    seen = both.copy()
+    seen[0, 6, 8] = 5.0
+    alone = mutually_masked(both, seen)[0]
+    small = mutually_masked(both[:, 4:10, 4:10], seen[:, 4:10, 4:10])[0]
+    assert small[2, 4] == pytest.approx(by_hand([0, 0, 0], [5.0, 0, 0])[0], rel=1e-4)
+    assert alone[6, 8] < 0.98 * small[2, 4]
 
 
 def test_the_whole_by_hand() -> None:
@@ -224,6 +241,38 @@ def test_more_difference_is_more_visible(sign: int) -> None:
     near = (0, slice(120, 136), slice(120, 136))
     for less, more in pairwise(found):
         assert (more[near] > less[near]).all()
+
+
+def test_a_texture_of_its_kind_masks_a_difference() -> None:
+    texture = 0.5 * grating(3.228)
+    ghost = 0.1 * grating(3.228)
+    plain = visible_difference(field(10.0), field(10 * (1 + ghost)), PER_DEGREE)
+    masked = visible_difference(
+        field(10 * (1 + texture)), field(10 * (1 + texture + ghost)), PER_DEGREE
+    )
+    coarse = 10 * (1 + 0.5 * grating(0.2))
+    aside = visible_difference(field(coarse), field(coarse * (1 + ghost)), PER_DEGREE)
+    assert middle(masked).mean() < 0.4 * middle(plain).mean()
+    assert middle(aside).mean() > 2 * middle(masked).mean()
+
+
+def test_the_eye_is_adapted_to_what_is_wanted() -> None:
+    picture = field(1 + 5 * spot(width=0.3))
+    alone = bands(picture, picture, PER_DEGREE)
+    beside = bands(picture, picture + 8 * field(spot()), PER_DEGREE)
+    for one, other in zip(alone, beside, strict=True):
+        np.testing.assert_array_equal(one.wanted, other.wanted)
+        assert np.abs(one.wanted).max() > 1
+
+
+def test_black_is_no_darker_than_the_eye_sees() -> None:
+    ghost = 0.05 * spot(width=0.1)
+    on = [
+        visible_difference(field(level), field(level + ghost), PER_DEGREE).max()
+        for level in (0, 0.002)
+    ]
+    assert on[0] > 0.1
+    assert on[1] == pytest.approx(on[0], rel=0.05)
 
 
 def test_a_change_of_hue_that_is_alike_everywhere_is_pooled_as_it_is_mapped() -> None:

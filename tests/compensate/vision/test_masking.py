@@ -168,6 +168,11 @@ def test_a_texture_hides_what_is_like_it(mask, hides):
         assert masked == pytest.approx(plain, rel=0.1)
 
 
+def test_slow_veils_are_left_to_the_threshold():
+    assert difference(PLAIN, PLAIN + 0.5).max() < 1e-6
+    assert difference(PLAIN, PLAIN + grating(2.0, 0.1)).max() > 1
+
+
 def scene():
     rng = np.random.default_rng(3)
     reference = rng.uniform(0.5, 9, (2, 60, 128))
@@ -199,6 +204,12 @@ def test_contrast_is_local():
     dim[..., COLS // 2 :] /= 2
     found = masked_difference(PLAIN, PLAIN + added, dim, SEAT)[0, 24:-24]
     assert found[:, 96:120].sum() > 2 * found[:, 8:32].sum()
+
+
+def test_black_is_finite():
+    black = np.zeros((1, ROWS, COLS))
+    found = masked_difference(black, black + 1e-4, black, SEAT)
+    assert np.isfinite(found).all()
 
 
 def test_bands_beyond_the_eye_are_left_out():

@@ -9,6 +9,26 @@ import pytest
 
 from compensate.vision.tvi import MesopicBlend, cone_threshold, rod_threshold, threshold
 
+LUMINANCES = [0.0, 1e-6, 1e-3, 0.1, 1.0, 10.0, 100.0, 1000.0]
+
+
+CONES = [
+    *(0.1905460718, 0.1905460718, 0.1905460718, 0.2316425554),
+    *(0.3913015271, 1.0719024789, 5.5590425727, 55.5904257270),
+]
+
+
+RODS = [
+    *(0.0013803842646, 0.0013803842646, 0.0018400338361, 0.0402717034325),
+    *(0.4027170343255, 4.0271703432546, 40.2717034325459, 402.7170343254591),
+]
+
+
+def test_the_published_points():
+    assert cone_threshold(LUMINANCES) == pytest.approx(CONES, rel=1e-6)
+    assert rod_threshold(LUMINANCES) == pytest.approx(RODS, rel=1e-6)
+
+
 # log10 T by the published pieces, in 30-digit decimals (Python's decimal: ln and exp only):
 # 10 cd/m²: cones (0.249 + 0.65)^2.7 - 0.72 = 0.030155..., rods 1 - 0.395
 

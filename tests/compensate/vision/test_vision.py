@@ -51,6 +51,11 @@ def test_no_sensitivity_at_zero_and_none_at_infinity():
     assert np.isfinite(daly(np.geomspace(1e-12, 1e12, 99), 0.5, **PAPER)).all()
 
 
+def test_oblique_gratings_are_harder_to_see():
+    assert daly(8.0, pi / 4, **PAPER) < 0.8 * daly(8.0, 0.0, **PAPER)
+    assert daly(8.0, pi / 2, **PAPER) == pytest.approx(daly(8.0, 0.0, **PAPER))
+
+
 @pytest.mark.parametrize(
     ("name", "value"), [("adaptation", 0.0), ("distance", -1.0), ("image_area", np.nan)]
 )

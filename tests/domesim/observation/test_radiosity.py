@@ -216,6 +216,24 @@ def test_the_error_it_says_is_in_its_core(name: str) -> None:
     assert found.provenance["elements"]["screen"] == 8 * 8**2
 
 
+def test_modes_that_fit_their_own_points_only_are_reported() -> None:
+    """Few points on a very flat dome: light at the points is right, but not between them."""
+    found = solved("very flat", 6)
+    off = np.abs(moments(found) / moments(solved("very flat", 12)) - 1).max()
+    assert off > 0.1
+    assert found.provenance["sampling_error"] > 0.5 * off
+
+
+def test_fewer_modes_within_a_wider_tolerance() -> None:
+    few, many = (
+        radiosity(ROOMS["recessed"], resolution=6, nodes=17, tolerance=tolerance)
+        for tolerance in (1e-2, 1e-4)
+    )
+    assert 1 < few.rank < many.rank
+    assert few.mean_gain() == pytest.approx(many.mean_gain(), rel=1e-4)
+    assert few.provenance["sampling_error"] < 0.02
+
+
 BEYOND = {
     "a screen with a gain lobe": {"lobe": Lobe(0.2, 0.3)},
     "a cavity behind the screen": {"perforation": 0.2, "cavity": Cavity(0.5, SCREEN, SCREEN)},

@@ -225,6 +225,30 @@ def test_a_reduced_transport_is_as_near_as_it_was_told(tolerance: float) -> None
     assert stored.reduced(tolerance / 30).rank > few.rank
 
 
+@every_dome
+def test_reduced_by_next_to_nothing_it_acts_alike(dome: Dome) -> None:
+    stored = smooth(dome)
+    twice = replace(
+        stored,
+        modes=np.concatenate([stored.modes, stored.modes[1:2] - 2 * stored.modes[2:3]]),
+        core=np.pad(stored.core, ((0, 0), (0, 1), (0, 1)), constant_values=0.1),
+        core_error=np.pad(stored.core_error, ((0, 0), (0, 1), (0, 1))),
+    )
+    few = twice.reduced(1e-7)
+    assert few.rank == stored.rank  # the mode that is a mixture of others is gone
+    for one, other in ((stored, stored.reduced(1e-12)), (twice, few)):
+        x = light(9)
+        seen, expected = (each.observation(9, 9).linear(x) for each in (other, one))
+        assert seen == pytest.approx(expected, abs=1e-6 if one is twice else 1e-11)
+        assert other.mean_gain() == pytest.approx(one.mean_gain(), abs=1e-6)
+
+
+def test_a_black_screens_transport_can_be_reduced() -> None:
+    few = bare(CAP, (0.0, 0.0, 0.0)).reduced()
+    assert few.rank == 1
+    assert few.observation(5, 5).low_rank().linear(light(5)) == pytest.approx(light(5))
+
+
 def test_the_relative_error_is_that_of_a_white_picture() -> None:
     one = bare(CAP, (0.3, 0.5, 0.4))
     one = replace(one, core_error=one.core * np.array([0.01, 0.02, 0.015])[:, None, None])

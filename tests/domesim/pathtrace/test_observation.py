@@ -234,6 +234,27 @@ def test_each_bounce_of_a_bare_dome_is_known(tracer: Tracer) -> None:
         np.testing.assert_allclose(seen, wanted, rtol=0.03)
 
 
+def test_bounces_can_be_counted_out(tracer: Tracer) -> None:
+    found = traced(tracer, least=32, most=32, bounces=2, per_bounce=True).indirect
+    assert found.limit == 2
+    assert found.bounces is not None
+    assert len(found.bounces) == 3
+    more = traced(tracer, least=32, most=32, per_bounce=True).indirect
+    assert (
+        found.mean[on_screen(tracer.theatre)].mean()
+        < more.mean[on_screen(tracer.theatre)].mean() * 0.99
+    )
+
+
+def test_a_looser_tolerance_loses_as_much(tracer: Tracer) -> None:
+    tight, loose = (
+        traced(tracer, least=8, most=8, tolerance=tolerance).indirect.limit
+        for tolerance in (1e-8, 1e-2)
+    )
+    # The largest albedo's bounces fade by 0.35 each.
+    assert tight - loose == pytest.approx(np.log(1e-6) / np.log(0.35), abs=1)
+
+
 # Seeds and tiles.
 
 

@@ -13,7 +13,7 @@ from theatres import cinema
 from domesim.errors import InputError
 from domesim.pathtrace import polarised
 from domesim.pathtrace.llvm import load_mitsuba
-from domesim.pathtrace.polarised import crosstalk_map
+from domesim.pathtrace.polarised import crosstalk_map, luminance_map
 from domesim.stereo.polarisation import crosstalk_estimate
 from domesim.stereo.system import SilverScreen
 from testing.statistics import assert_unbiased, calibration
@@ -101,6 +101,17 @@ def test_a_quotient_s_error_is_that_of_its_parts():
     residual = other - expected[:, None] * own
     np.testing.assert_allclose(share, expected)
     np.testing.assert_allclose(error, residual.std(1, ddof=1) / np.sqrt(50) / own.mean(1))
+
+
+def test_the_luminance_of_three_colours():
+    theatre, weights = replace(CINEMA, wavelengths=(615, 545, 465)), np.array([0.2, 0.7, 0.1])
+    told = []
+    found = luminance_map(theatre, weights, "aisle", 2, 3, seed=3, progress=told.append)
+    assert told == pytest.approx([1 / 3, 2 / 3, 1])
+    estimate = [crosstalk_estimate(one, "aisle", 2, 3) for one in theatre.by_primary()]
+    assert_unbiased(found.share, found.standard_error, np.tensordot(weights, estimate, axes=1))
+    plain = luminance_map(CINEMA, weights, "aisle", 2, 3, seed=3)
+    np.testing.assert_array_equal(plain.share, crosstalk_map(CINEMA, "aisle", 2, 3, seed=3).share)
 
 
 def test_ctrl_c_waits_for_the_launch_and_leaves_no_map(monkeypatch):

@@ -93,6 +93,14 @@ def _few_nodes(monkeypatch):
 
 
 @pytest.mark.usefixtures("_few_nodes")
+@pytest.mark.parametrize("name", ["booth", pytest.param("lamp housing", marks=pytest.mark.long)])
+def test_no_solid_is_left_out_for_its_name(name):
+    box = Solid(name, SPECK.vertices * [500, 1, 500] + [-1.0, -2.0, 0.5], SPECK.faces, BLACK)
+    theatre = Theatre(Dome(3.0, np.pi / 2), GREY, floor=Floor(0.0, 3.0, GREY), solids=(box,))
+    assert tabulate(theatre, error=0.05, degree=1).walks > 0
+
+
+@pytest.mark.usefixtures("_few_nodes")
 def test_nothing_converges_that_has_not():
     theatre = Theatre(Dome(3.0, np.pi / 2), GREY, floor=Floor(0.0, 3.0, GREY))
     found = tabulate(theatre, error=1e-7, degree=1)

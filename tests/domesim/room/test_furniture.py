@@ -15,7 +15,7 @@ import trimesh
 from numpy.typing import NDArray
 
 from domesim.errors import InputError
-from domesim.room.furniture import box, from_file, manikin, seating
+from domesim.room.furniture import EYE_HEIGHT, box, from_file, manikin, seating
 from domesim.room.theatre import Solid
 
 GREY = (0.1, 0.2, 0.3)
@@ -100,6 +100,13 @@ def test_the_audience_is_the_occupied_share_and_the_seed_places_it():
     assert "audience" not in planned(occupied=0.0)[0]
 
 
+def test_the_audience_sits_on_its_seats():
+    solids, views = planned(occupied=1.0)
+    heads = solids["audience"].vertices[:, 2].max()
+    assert heads == pytest.approx(views["back"].position[2] + 0.08, abs=0.03)
+    assert EYE_HEIGHT == 1.2
+
+
 def test_a_full_house_does_not_block_the_view():
     solids, views = planned(occupied=1.0)
     for view in views.values():
@@ -120,6 +127,15 @@ def test_seats_stay_within_the_radius_and_keep_their_numbers():
     assert "row2-seat2" in views
     assert views["row2-seat2"].position[0] == pytest.approx(-0.7)
     assert "risers" not in solids
+
+
+def test_risers_end_at_the_radius_and_carry_the_seats():
+    solids, _ = planned(within=2.4)
+    risers = solids["risers"]
+    assert np.hypot(*risers.vertices[:, :2].T).max() <= 2.4 + 1e-9
+    down = np.array([0.0, 0.0, -1.0])
+    assert first_hit([risers], np.array([0.01, -0.7, 0.0]), down) == pytest.approx(2.3 - 0.5)
+    assert first_hit([risers], np.array([0.01, 0.4, 0.0]), down) == pytest.approx(2.3 - 0.25)
 
 
 @pytest.mark.parametrize(

@@ -67,6 +67,18 @@ def test_off_the_centre_light_goes_as_cosine_over_square(position: Any, pixel: A
     assert gain[pixel] == pytest.approx(expected, rel=1e-12)
 
 
+@pytest.mark.parametrize("size", [1040, 1041])
+def test_large_pictures_come_in_strips(size: int) -> None:
+    """Of a million pixels: the last rows are in another strip than the first."""
+    position = (0.5, 2.0, -0.5)
+    gain = lens_gains(theatre(LEANING, fisheye("off", position)), size, size)[0]
+    for pixel in [(5, size // 2), (size // 2, 70), (size - 12, size // 2 + 3)]:
+        point, normal = screen_point(LEANING, *pixel, size)
+        ray = point - np.array(position)
+        expected = 4.0**2 * (-ray @ normal) / (ray @ ray) ** 1.5
+        assert gain[pixel] == pytest.approx(expected, rel=1e-12)
+
+
 @pytest.mark.parametrize("pixel", [(20, 10), (18, 8), (17, 13)])
 def test_a_perspective_lens_would_light_a_flat_screen_evenly(pixel: Any) -> None:
     """On a plane square to its axis E = I cos³/D², so that I goes as 1 / cos³."""
