@@ -9,7 +9,7 @@ from __future__ import annotations
 import tempfile
 import time
 from collections import defaultdict
-from collections.abc import Hashable, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import chain
 from pathlib import Path
@@ -44,6 +44,9 @@ from domesim.shows.work import Failed, Files, Finished, Order, Recipe, Writing
 A_WORKER, LIKE = 4, 2
 """Frames that each worker does; the first has also to get ready, and does not count. Of one master
 that stands for all, whose frames take alike, fewer."""
+
+_AT_WORK = 0.6
+"""Share of its time below which a worker waits for more than frames usually do."""
 
 
 @final
@@ -176,17 +179,29 @@ def estimate(
         "disk_video": video.disk,
         "disk_total": size * count + pages.disk + video.disk,
     }
+    _tell(figures, console)
+    return figures
+
+
+def _tell(figures: Mapping[str, Any], console: Console) -> None:
+    steady, workers = figures["seconds_frame"], _counted(figures["workers"], "worker")
+    frames, tried = (_counted(figures[key], "frame") for key in ("frames", "sampled"))
     console.say(
-        f"{_counted(count, 'frame')}, by {_counted(len(tried.frames), 'frame')} tried:",
-        f"  time: {duration(figures['seconds_total'])} with {_counted(workers, 'worker')}, "
-        f"{decimal(steady)} s a frame; {decimal(figures['core_hours'])} core-hours",
+        f"{frames}, by {tried} tried:",
+        f"  time: {duration(figures['seconds_total'])} with {workers}, {decimal(steady)} s a frame;"
+        f" {decimal(figures['core_hours'])} core-hours",
         f"  memory: {sized(figures['memory_total'])}",
         f"  disk: {sized(figures['disk_total'])}",
     )
-    for what, cost in (("pages", pages), ("the video", video)):
-        if cost.seconds:
-            console.say(f"  in it, {what}: {duration(cost.seconds)}, {sized(cost.disk)}")
-    return figures
+    at_work = figures["core_hours"] * 3600 / (figures["frames"] * max(steady, 1e-9))
+    if at_work < _AT_WORK:
+        console.say(
+            f"  a worker had a core for {at_work:.0%} of it: others had it, or files are slow"
+        )
+    for what, key in (("pages", "pages"), ("the video", "video")):
+        if seconds := figures[f"seconds_{key}"]:
+            told = sized(figures[f"disk_{key}"])
+            console.say(f"  in it, {what}: {duration(seconds)}, {told}")
 
 
 def _outputs(part: Show, writing: Writing, scratch: Path) -> Sequence[Files]:

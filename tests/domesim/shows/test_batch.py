@@ -724,13 +724,15 @@ def test_frames_that_need_a_gpu_go_where_one_is(tmp_path: Path, recipe: Harmful)
     assert recipe.pids() == {with_gpu}
 
 
-def test_a_dry_run_tells_and_leaves_nothing(tmp_path: Path, recipe: Harmful) -> None:
+def test_a_dry_run_tells_and_leaves_nothing(
+    tmp_path: Path, recipe: Harmful, capfd: pytest.CaptureFixture[str]
+) -> None:
     make_show(tmp_path / "in", 40)
     slow = Harmful(recipe.log, seconds=0.1)
     show = show_of(tmp_path / "in")
-    figures = estimate(
-        show, tmp_path / "out/frames", slow, Console(quiet=True), Writing(), Running(0)
-    )
+    figures = estimate(show, tmp_path / "out/frames", slow, Console(), Writing(), Running(0))
+    said = capfd.readouterr()
+    assert "a worker had a core for" in said.out + said.err  # it sleeps
     assert not (tmp_path / "out").exists()
     assert sorted(path.name for path in tmp_path.iterdir()) == ["in", "log"]
     assert figures["frames"] == 40
