@@ -97,7 +97,7 @@ def test_it_shows_what_the_library_shows(draw: Any, name: str, size: int, beside
     (found,) = draw(text, [(frame, {"lift": 2.5})])
     apart = np.abs(found[..., :3] - wanted(scene, frame, 2.5, beside=beside))
     assert apart.max() < 1
-    assert np.quantile(apart, 0.999) < 0.2
+    assert np.quantile(apart, 0.999) < 0.3
 
 
 def test_another_size_gets_a_red_frame(draw: Any) -> None:
