@@ -223,6 +223,8 @@ def test_seats_that_are_not_there(run: Run, tmp_path: Path, out: Path) -> None:
     )
     every = observed(run, out, PAIR, *eyes, "--seat", "all")
     every.is_refused("--seat all", "one seat", "name one of sweet spot, left, right")
+    every = run("predict", *eyes, "--scene", PAIR, "--out", out, "--seat", "all")
+    every.is_refused("--seat all", "predicted for one seat")
     assert written(out) == []
 
 
