@@ -241,6 +241,14 @@ def test_a_seat_sees_the_picture_the_room_and_the_lamps(seat: Layers) -> None:
     assert 1.8 < red / blue < 2.2
 
 
+def test_the_picture_is_not_mirrored_from_a_seat(seat: Layers) -> None:
+    """A domemaster's front is below and its right is right: blue and green is front right."""
+    top = seat["direct"][:4]
+    left, right = top[:, :20].mean((0, 1)), top[:, 28:].mean((0, 1))
+    assert right[2] > 5 * right[0]
+    assert left[0] == pytest.approx(left[2], rel=1e-3)  # front left is grey
+
+
 @pytest.mark.parametrize("view", ["seat:balcony", "balcony", "seat:"])
 def test_an_unknown_seat_is_told_the_known_ones(folder: Path, view: str) -> None:
     out = folder / "unknown" / "seen.exr"
@@ -348,6 +356,19 @@ def test_what_radiosity_cannot_know_is_said(room: tuple[Path, Path, Outcome]) ->
     assert f"Use it: domesim compensate MASTER --scene {scene} --transport {out}" in outcome.out
 
 
+@pytest.mark.usefixtures("quick_radiosity")
+def test_the_seed_of_a_table_decides(folder: Path, hall: tuple[Path, dict[str, Any]]) -> None:
+    cores = []
+    for name, seed in (("a", 1), ("b", 1), ("c", 2)):
+        out = folder / "tables" / f"{name}.npz"
+        arguments = ("--walks", 1, "--degree", 1, "--seed", seed, "--no-check", "--json")
+        figures = domesim("tabulate", folder / "hall.toml", "--out", out, *arguments).figures()
+        assert "second_opinion" not in figures
+        cores.append(load_transport(out).core)
+    np.testing.assert_array_equal(cores[0], cores[1])
+    assert np.all(cores[0] != cores[2])
+
+
 APPROXIMATE = "approximate: the closed form knows the bare screen only"
 
 
@@ -369,6 +390,21 @@ def test_observe_uses_the_table(folder: Path, room: tuple[Path, Path, Outcome]) 
     assert frame["pollution_cd_m2"] == pytest.approx(WHITE * gain + 0.02, rel=2e-3)
     assert bare["pollution_cd_m2"] == pytest.approx(WHITE / 3 + 0.02, rel=1e-3)
     assert frame["pollution_cd_m2"] > 1.05 * bare["pollution_cd_m2"]
+
+
+def test_compensate_uses_the_table(folder: Path, room: tuple[Path, Path, Outcome]) -> None:
+    scene, table, _ = room
+    written = {}
+    for name, options in {"without": (), "with": ("--transport", table)}.items():
+        out = folder / f"compensated {name}"
+        outcome = domesim(
+            "compensate", folder / "uneven.exr", "--scene", scene, "--out", out, *options
+        )
+        assert (outcome.code, outcome.err) == (0, "")
+        assert (APPROXIMATE in outcome.out) == (name == "without")
+        written[name] = read_frame(out / "uneven.exr").pixels
+    # The room's light is more, so more is taken away.
+    assert written["with"].mean() < written["without"].mean() - 1e-3
 
 
 # Ctrl-C.

@@ -325,6 +325,29 @@ def test_a_multi_part_file_comes_back_with_all_parts(tmp_path: Path, compression
     assert {header["compression"][0] for header in headers} == {wanted}
 
 
+@pytest.mark.parametrize("tile", [0, 16])
+def test_other_parts_may_have_windows_of_their_own_and_tiles(tmp_path: Path, tile: int) -> None:
+    parts = [part("depth", "left", "Z", "float"), part("a", "left", "Y"), part("bb", "right", "Y")]
+    spec = parts[0][0]
+    spec.x, spec.y, spec.full_width, spec.full_height = -3, 5, COLS, ROWS
+    for spec, _ in parts:
+        spec.tile_width = spec.tile_height = tile
+    source = save(tmp_path / "in.exr", *parts)
+    master = read_master([source])
+    write_master(master, [tmp_path / "out.exr"])
+    before, after = stored(source), stored(tmp_path / "out.exr")
+    assert [each.windows for each in after] == [each.windows for each in before]
+    for old, new in zip(before, after, strict=True):
+        for name, plane in old.planes.items():
+            np.testing.assert_array_equal(new.planes[name], plane)
+    assert [list(exr_channels(each)) for each in exr_headers(tmp_path / "out.exr")] == [
+        ["Z"],
+        ["Y"],
+        ["Y"],
+    ]
+    assert not any("tiles" in header for header in exr_headers(tmp_path / "out.exr"))
+
+
 def test_new_pixels_go_to_their_view_and_nowhere_else(tmp_path: Path) -> None:
     """Rationale: left and right exchanged would be seen by everyone but a round trip."""
     cases = {

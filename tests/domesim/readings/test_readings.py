@@ -114,6 +114,12 @@ def test_a_colour_at_level_0_is_black(read):
     assert one(read("\n".join(lines))).black == pytest.approx([0.1, 0.1, 0.115])
 
 
+def test_the_report_names_everything(read):
+    lines = "\n".join(measured_pair(read(Rig().csv())).report())
+    for part in ("gamma 2.200", "contrast", "system", "viewer", "common gamut", "W against R + G"):
+        assert part in lines
+
+
 # Honest uncertainties
 
 DRAWS = 300

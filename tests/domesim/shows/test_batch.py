@@ -6,7 +6,9 @@ import errno
 import hashlib
 import json
 import os
+import platform
 import re
+import resource
 import signal
 import subprocess
 import sys
@@ -32,10 +34,10 @@ from domesim.host.console import Console
 from domesim.host.writing import LIST, make_own, temporary_of
 from domesim.shows import cluster, crew, job, report
 from domesim.shows.estimate import estimate
-from domesim.shows.job import FOLDER
+from domesim.shows.job import FOLDER, open_job
 from domesim.shows.run import Running, crew_of, each_frame
 from domesim.shows.show import find_show
-from domesim.shows.work import Writing
+from domesim.shows.work import Failed, Order, Writing
 from testing.schedulers import more_workers, scheduler
 
 PATIENCE = 180.0  # s: for what must happen to happen
@@ -129,6 +131,17 @@ def test_a_record_of_something_else_is_none(tmp_path: Path, recipe: Harmful, con
     done = copied(tmp_path, recipe, 0)
     assert len(done.frames) == 3
     assert is_whole(tmp_path, 3)
+
+
+def test_another_program_does_no_frame(tmp_path: Path, recipe: Harmful) -> None:
+    """Of a worker that came after the command had looked at all of them."""
+    make_show(tmp_path / "in", 1)
+    with open_job(tmp_path, {"domesim": "0.0.1"}) as another:
+        place = (tmp_path / "in.0001.exr",)
+        found = cluster.do(Order(show_of(tmp_path / "in"), place, recipe, Writing(), another))
+    assert isinstance(found, Failed)
+    assert "wanted domesim 0.0.1" in found.reason
+    assert not recipe.begun()
 
 
 def damage(path: Path) -> None:
@@ -505,6 +518,22 @@ def test_a_worker_that_stands_still_at_the_end_is_ended(tmp_path: Path, recipe: 
     assert process.returncode == 0
     assert errors == ""
     assert not alive(idle)
+
+
+def faults_of_a_second_array() -> int:
+    """Pages that a process fetches for an array as large as one that was freed before."""
+    np.ones(20_000_000, np.float32)
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+    np.ones(20_000_000, np.float32)
+    return resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before
+
+
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="other C libraries aren't told")
+def test_a_worker_keeps_the_memory_of_its_last_frame() -> None:
+    """In threads that begin before it could be told: else each frame fetches it anew."""
+    with crew.client_of(crew.Crew(), print) as client:
+        told = client.submit(faults_of_a_second_array, pure=False)
+        assert told.result(PATIENCE) < 20
 
 
 def test_a_frame_timeout_is_for_each_frame(tmp_path: Path, recipe: Harmful) -> None:

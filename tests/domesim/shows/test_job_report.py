@@ -89,6 +89,14 @@ def test_each_frame_has_a_verdict_with_its_reason(jobs: dict[str, Path]) -> None
         assert {name for name, _ in counts} == {name for name, _ in rows}
 
 
+def test_what_was_lost_as_stored_is_told(jobs: dict[str, Path]) -> None:
+    page = report_of(jobs["compensate"])
+    assert "As stored" in page
+    cells = re.findall(r'<td data-title="As stored, JOD">([^<]+)</td>', page)
+    assert len(cells) == 3
+    assert all(float(cell) > 0 for cell in cells)
+
+
 LOST = {"loss_before": 1.0, "loss_subtractive": 0.6, "loss_after": 0.3, "loss_stored": 0.31}
 
 
