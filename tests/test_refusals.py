@@ -285,6 +285,14 @@ def test_repair_says_how_many_samples(run: Run, tmp_path: Path, out: Path, comma
     assert read_frame(out / "r.exr").pixels.min() >= 0  # it refuses NaN and Inf itself
 
 
+def test_a_repaired_master_is_rendered(run: Run, tmp_path: Path, out: Path) -> None:
+    master = with_sample(tmp_path / "r.exr", -0.5)
+    outcome = run(*called(("render",), out, master=master), "--samples", 2, "--repair")
+    assert (outcome.code, outcome.err) == (0, "")
+    assert "r.exr: 4 impossible samples repaired" in outcome.out
+    assert written(out) == ["seen.exr", "seen.png"]
+
+
 @pytest.mark.parametrize("command", ["compensate", "observe"])
 @pytest.mark.parametrize("size", [2, 3])
 def test_the_smallest_masters_work(

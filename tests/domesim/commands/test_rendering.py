@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from domesim.frames import read_frame
 from domesim.inspection.magnitudes import faintest_star
+from domesim.light.transfer import SRGB
 from domesim.observation import radiosity as radiosity_module
 from domesim.observation.transport import load_transport
 from domesim.pathtrace import tabulate as tabulate_module
@@ -211,6 +212,24 @@ def test_large_numbers_fit_into_the_header(folder: Path) -> None:
     arguments = ("--master", folder / "white.exr", "--samples", 2, "--seed", seed, "--json")
     figures = domesim("render", "dome_hemisphere", "--out", out, *arguments).figures()
     assert figures["seed"] == int(layers_of(out).header["domesim:seed"]) == seed
+
+
+def test_codes_of_a_master_become_light(folder: Path) -> None:
+    codes = store(folder / "codes.png", np.full((SIZE, SIZE, 3), 188, np.uint8))
+    out = folder / "codes" / "seen.exr"
+    domesim("render", "dome_hemisphere", "--master", codes, "--out", out, "--samples", 2)
+    screen = load_scene("dome_hemisphere").dome.inside(SIZE, SIZE)
+    light = float(SRGB().decode(188 / 255))
+    np.testing.assert_allclose(layers_of(out)["direct"][screen], WHITE * light, rtol=1e-6)
+
+
+def test_the_bundled_master_is_resized(folder: Path) -> None:
+    out = folder / "night" / "seen.exr"
+    arguments = ("--size", 48, "--samples", 4, "--json")
+    domesim("render", "dome_hemisphere", "--out", out, *arguments).figures()
+    found = layers_of(out)
+    assert found["direct"].shape == (48, 48, 3)
+    assert 0.1 < found["direct"].max() <= WHITE
 
 
 # From a seat, and from outside.
@@ -458,6 +477,20 @@ def test_an_interrupted_picture_is_written(
     assert found["ambient"].max() > 0
     assert out.with_suffix(".png").is_file()
     assert signal.getsignal(signal.SIGINT) is before
+
+
+@pytest.mark.parametrize("view", VIEWS)
+def test_interrupted_lamps_are_told(
+    folder: Path, press_ctrl_c: Callable[..., Callable[[], int]], view: str
+) -> None:
+    out = folder / "interrupted" / f"{view[:4]} lamps.exr"
+    press_ctrl_c(at=3)
+    outcome = domesim(
+        "render", folder / "furnished.toml", "--master", folder / "white.exr", "--out", out,
+        "--error", 1e-6, "--samples", 64, "--view", view, "--size", SIZE, "--json",
+    )  # fmt: skip
+    assert outcome.code == 130
+    assert json.loads(outcome.out)["status"] == INTERRUPTED
 
 
 def test_an_interrupted_table_is_written(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from importlib import resources
 from pathlib import Path
 
 import numpy as np
@@ -54,6 +55,16 @@ def test_a_dome_has_the_figures_of_the_check(pages, run):
     assert len(common) >= 10
     for key in common:
         assert figures[key] == pytest.approx(checked[key], rel=1e-6), key
+
+
+def test_the_night_scene_has_the_figures_of_observe(pages, run, tmp_path):
+    page = pages["mine.toml"]
+    master = Path(str(resources.files("scenes").joinpath("masters", "night.exr")))
+    options = ("--scene", page.with_suffix(""), "--out", tmp_path, "--json")
+    (frame,) = run("observe", master, *options).figures()["frames"]
+    figures = shown(page)
+    for key in ("direct_cd_m2", "pollution_cd_m2"):
+        assert figures[f"picture_{key}"] == pytest.approx(frame[key], rel=1e-5)
 
 
 def test_a_3d_screen_has_the_crosstalk_of_its_seats(pages):

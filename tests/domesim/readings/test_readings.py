@@ -116,7 +116,14 @@ def test_a_colour_at_level_0_is_black(read):
 
 def test_the_report_names_everything(read):
     lines = "\n".join(measured_pair(read(Rig().csv())).report())
-    for part in ("gamma 2.200", "contrast", "system", "viewer", "common gamut", "W against R + G"):
+    for part in (
+        "gamma 2.200",
+        "contrast",
+        "system",
+        "viewer",
+        "common gamut: white",
+        "W against R + G",
+    ):
         assert part in lines
 
 
