@@ -91,6 +91,12 @@ def test_a_room_is_judged_by_all_of_it():
     assert Appraisal(posed).visible_error(posed.subtractive) < 0.1 * error
 
 
+def test_what_was_not_measured_is_not_foreseen():
+    for name in ("dome_hemisphere", "stereo_cinema_silver"):
+        scene = load_scene(name)
+        assert scene.uncertain(SIZE, SIZE) is None
+
+
 def test_domes_by_a_measured_transport():
     scene = bare((0.5, 0.4, 0.3), 0.01, 0.0)
     stored = radiosity(replace(scene.theatre, albedo=(0.5, 0.4, 0.3)), resolution=6)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from domesim.room.dome import Dome
 from scenes.artwork.night import sky
-from scenes.artwork.night.picture import Night, directions, render
+from scenes.artwork.night.picture import Night, directions, render, shoulder
 
 SMALL = Night(size=64, samples=1, detail=0.02)
 CIRCLE = Dome(radius=1.0, half_angle=np.pi / 2).inside(64, 64)
@@ -49,6 +49,15 @@ def test_the_front_rim_of_a_tilted_theatre_is_below_the_horizon() -> None:
     np.testing.assert_allclose(
         directions(np.array(0.0), np.array(1.0), 22.0), sky.direction(0.0, -22.0), atol=1e-12
     )
+
+
+def test_shoulder_leaves_the_dark_alone_and_stays_below_white() -> None:
+    light = np.array([0.0, 0.002, 0.6, 0.601, 3.0, 12.0])
+    bent = shoulder(light)
+    np.testing.assert_array_equal(bent[:3], light[:3])
+    assert np.all(np.diff(bent) > 0)
+    assert bent[-1] <= 1.0
+    assert bent[3] == pytest.approx(0.601, abs=1e-5)
 
 
 def test_stars_are_as_many_of_each_magnitude_as_in_the_sky() -> None:

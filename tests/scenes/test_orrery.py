@@ -74,6 +74,21 @@ def test_planets_keep_to_their_orbits_and_touch_nothing() -> None:
                 assert second is first or apart > first.body.radius + second.body.radius
 
 
+def test_rings_are_lit_on_the_side_the_audience_sees() -> None:
+    for time in np.linspace(0.0, 60.0, 25):
+        (ringed,) = (one for one in Orrery().bodies(float(time)) if one.body.name == "ringed")
+        axis = ringed.axes[:, 2]
+        from_sun = axis @ (orrery.CENTRE - ringed.centre)
+        from_audience = axis @ (DomeView.eye - ringed.centre)
+        assert from_sun < 0
+        assert from_audience < 0
+
+
+def test_another_seed_starts_elsewhere() -> None:
+    first, second = (Orrery(seed=seed).bodies(0.0)[0].centre for seed in (7, 8))
+    assert np.linalg.norm(first - second) > 0.05
+
+
 # Who looks at it.
 
 
@@ -131,6 +146,12 @@ def test_what_is_near_has_crossed_parallax_and_what_is_far_has_not(kind: str) ->
     # The stars are drawn as far as that.
     stars = [float(view.places(ahead, 1000)[1]) for view in (left, right)]
     assert stars[1] - stars[0] == pytest.approx(parallax[2], abs=0.2)
+
+
+def test_infinite_convergence_leaves_the_stars_alone() -> None:
+    for kind in ("dome-stereo", "stereo"):
+        left, right = views(kind, convergence=np.inf).values()
+        np.testing.assert_array_equal(left.directions(16), right.directions(16))
 
 
 # The pictures.

@@ -80,6 +80,13 @@ def test_neighbours_are_of_different_masters():
     assert len(plan(["one"], METHODS, viewer=1, seed=0)) == TRAINING + CATCH + 6
 
 
+def test_orders_are_the_seeds_and_the_viewers():
+    first = plan(MASTERS, METHODS, viewer=1, seed=0)
+    assert first == plan(MASTERS, METHODS, viewer=1, seed=0)
+    assert first != plan(MASTERS, METHODS, viewer=2, seed=0)
+    assert first != plan(MASTERS, METHODS, viewer=1, seed=1)
+
+
 @pytest.mark.parametrize(
     ("masters", "methods", "words"),
     [
@@ -364,6 +371,17 @@ def test_mistakes_are_one_line(made, pair, run, tmp_path):
     (answers / "sitting-1.csv").write_text("viewer,trial,choice\nA1,1,1\n")
     run("study", "analyse", made).is_refused(f"all {len(study.viewers[0])} answers of viewer A1")
     run(*new[:-1], made, *both).is_refused("a study that viewers took part in")
+
+
+def test_power_is_told(run):
+    found = run(
+        *("study", "power", "--share", 0.7, "--masters", 5, "--viewers", "5,12,24", "--json"),
+        *("--audiences", 200),
+    ).figures()
+    assert found["power"]["5"] == 0
+    assert found["power"]["12"] < found["power"]["24"]
+    assert found["enough"] == 24
+    assert found["each"] == 10
 
 
 def test_answers_have_no_gaps():

@@ -13,16 +13,18 @@ import pytest
 
 from compensate.fourier import Fourier, transforms
 from compensate.solver.admm import ADMM
+from compensate.solver.gpcg import GPCG
 from compensate.solver.result import Status
 from domesim.errors import InputError
-from validation.benchmarks import copying, measuring
+from validation.benchmarks import copying, files, measuring, recording
+from validation.benchmarks.commands import Job
 from validation.benchmarks.measuring import (
     Settings,
     least_cost,
     measure,
     traced,
 )
-from validation.benchmarks.problems import PROBLEMS, Case
+from validation.benchmarks.problems import PROBLEMS, Case, night_dome
 from validation.benchmarks.recording import Seen
 from validation.benchmarks.solvers import OURS, SOLVERS
 from validation.cli import bench
@@ -115,6 +117,41 @@ def test_nobody_finds_less_than_the_least(found):
     assert min(one.gap for seen in found.values() for one in seen) > -1e-6
 
 
+def test_a_solver_is_stopped_at_the_goal(synthetic):
+    case, least = synthetic
+    for name in (OURS, "gpcg"):
+        seen = traced(case, name, least, 1e-2)
+        assert seen[-1].gap <= 1e-2
+        assert all(one.gap > 1e-2 for one in seen[:-1])
+
+
+def test_a_solver_is_stopped_when_its_budget_is_used_up(synthetic):
+    case, least = synthetic
+    seen = traced(case, "accelerated", least, 0.0, budget=20)
+    assert seen[-1].ffts == 20 * 2
+
+
+def test_looking_for_gaps_takes_no_time(synthetic, monkeypatch):
+    """Of clocks that tick once a transform, also of the truth's, the solver's alone."""
+    case, least = synthetic
+    tasks = (case.single, case.double)
+    counts = [task.problem.weighting.fourier for task in tasks]
+    monkeypatch.setattr(recording.time, "perf_counter", lambda: sum(one.count for one in counts))
+    for name in (OURS, "gpcg", "accelerated"):
+        seen = traced(case, name, least, 1e-2)
+        assert [math.ceil(one.seconds) for one in seen] == [one.ffts for one in seen]
+
+
+def test_gpcg_is_watched_without_being_changed():
+    case = night_dome(48)
+    least = least_cost(case)[0]
+    seen = traced(case, "gpcg", least, 1e-3)
+    task = case.single
+    whole = GPCG(tolerance=1e-12, max_iterations=seen[-1].iterations)(task.problem, task.start)
+    assert seen[-1].ffts <= whole.ffts
+    assert whole.cost <= (1 + seen[-1].gap + 1e-5) * least
+
+
 def test_ours_runs_to_its_own_stop_with_a_true_certificate(synthetic):
     case, least = synthetic
     cost = measure(case, OURS, least, Settings(repeats=1))
@@ -172,6 +209,26 @@ def test_bench_refuses_what_it_does_not_know(tmp_path, option, given):
     options = {"problems": "dome", "sizes": "16", "solvers": "gpcg", option: given}
     with pytest.raises(InputError, match=f"--{option}"):
         bench(out=tmp_path, **options, quick=True, quiet=False, json=False)
+
+
+def test_a_further_frame_is_what_a_longer_sequence_takes_more(tmp_path, monkeypatch):
+    slower = iter((1, 1, 3, 3, 2, 2))  # of three rounds, of which the middle one counts
+
+    def ran(_files, _folder, *options):
+        count, times = int(options[options.index("--frames") + 1].split("-")[1]), next(slower)
+        return Job(
+            seconds=2 + 0.25 * count * times, cpu_s=3 + 0.375 * count * times, gib=1.5, figures={}
+        )
+
+    monkeypatch.setattr(files, "_command", ran)
+    monkeypatch.setattr(files, "cores", lambda: 2)
+    copies = iter((0.25, 0.25, 0.25, 0.5, 1.0, 1.0, 1.0))
+    monkeypatch.setattr(files, "copied", lambda files, at_once, folder: (0.0, next(copies)))
+    further = files._further("dome", [tmp_path / "dome.0001.exr"], tmp_path, 3)
+    assert further.seconds == pytest.approx(0.5)
+    assert further.cpu_s == pytest.approx(0.75)
+    assert further.busy == pytest.approx(0.75)
+    assert further.copies == pytest.approx(1.5)
 
 
 def test_copies_want_workers_and_oiiotool(tmp_path, monkeypatch):

@@ -126,6 +126,22 @@ def test_what_was_not_judged_is_not_as_expected(stubs, tmp_path):
     assert "met the limits" not in page
 
 
+def test_figures_are_written_for_a_paper(stubs, tmp_path):
+    stubs[NAMES[2]].raises = Missing("needs a moon")
+    done = run(tmp_path / "run")
+    names = {path.name for path in report.write_figures(done, tmp_path / "figures")}
+    first = NAMES[0]
+    assert names == {path.name for path in (tmp_path / "figures").iterdir() if path.suffix}
+    assert len(names) == 8
+    assert (tmp_path / "figures" / f"{first}-plot-1.pdf").read_bytes().startswith(b"%PDF")
+    assert "<svg" in (tmp_path / "figures" / f"{first}-plot-1.svg").read_text()
+    read = (tmp_path / "figures" / f"{first}-plot-1.csv").read_text()
+    assert read == "series,x,y\n1,0,1\n1,1,2\n"
+    assert (tmp_path / "figures" / f"{first}-table-1.csv").read_text() == (
+        f'what,"much, m"\n{"a" * 30},1.0\nb,\n'
+    )
+
+
 def test_every_module_is_listed_and_says_what_it_claims():
     modules = {module.name for module in pkgutil.iter_modules(experiments.__path__)}
     assert modules == set(experiments.EXPERIMENTS)
@@ -243,6 +259,15 @@ def test_a_program_that_changes_is_noticed(tmp_path, stubs, monkeypatch):
     monkeypatch.setattr(report, "digest", lambda name: 64 * next(digests))
     with pytest.raises(InputError, match="was changed while it ran"):
         run(tmp_path)
+
+
+def test_nothing_that_ran_is_not_green(tmp_path, stubs):
+    for name in NAMES:
+        stubs[name].raises = Missing("needs a telescope")
+    run(tmp_path)
+    page = (tmp_path / "report.html").read_text()
+    assert "Nothing could be run here" in page
+    assert 'class="verdict good"' not in page
 
 
 def test_there_is_something_to_fail():

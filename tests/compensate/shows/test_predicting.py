@@ -4,11 +4,12 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import OpenImageIO as oiio  # noqa: N813
 import pytest
 
 from compensate.pose import Stage
 from compensate.prediction import Combination, Prediction, reduction, regions, triage
-from compensate.shows.predicting import _figures
+from compensate.shows.predicting import _figures, _png
 from domesim.frames import read_master
 from domesim.light import Light
 from domesim.light.blocks import light_means
@@ -51,6 +52,13 @@ def test_regions_are_told_in_pixels_of_the_master() -> None:
     edges = [[edge for side in box for edge in (side.start, side.stop)] for box in boxes]
     assert _figures(posed, found, 1)["regions"] == edges
     assert _figures(posed, found, 4)["regions"] == (4 * np.array(edges)).tolist()
+
+
+def test_pictures_of_maps_are_no_longer_than_they_are_looked_at(tmp_path: Path) -> None:
+    path, plane = tmp_path / "a.png", np.zeros((40, 2112), np.float32)
+    path.write_bytes(_png(path, plane, plane, "black"))
+    spec = oiio.ImageBuf(str(path)).spec()
+    assert (spec.width, spec.height) == (2 * 704 + 4, 14)
 
 
 @pytest.mark.parametrize(

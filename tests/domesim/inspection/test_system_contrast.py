@@ -181,3 +181,13 @@ def test_several_seats_in_a_room_are_refused_when_they_are_named(tmp_path):
     scene.write_text(as_toml(silver()))
     with pytest.raises(InputError, match=r"known for one seat at a time; name one of"):
         SceneChoice(str(scene), seat="all").load()
+
+
+def test_a_scene_with_a_lens_says_that_uncertainty_is_not_computed():
+    content = scene_content("stereo_room")
+    content["crosstalk"] |= {"to_left_error": 0.001, "to_right_error": 0.001}
+    del content["room"], content["screen"]["gain"], content["screen"]["half_gain_deg"]
+    scene = built(content)
+    assert scene.uncertain(4, 5) is None
+    assert "not for lens and room" in scene.facts()["Uncertainty"]
+    assert "Uncertainty" not in scene.crosstalk_alone.facts()

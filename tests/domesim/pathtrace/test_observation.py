@@ -188,6 +188,22 @@ def test_the_most_samples_allowed_are_taken(tracer: Tracer) -> None:
     assert "Allow more" in found.status.value
 
 
+def test_the_fewest_samples_wanted_are_taken(tracer: Tracer) -> None:
+    found = traced(tracer, error=1e3, least=50).indirect
+    assert (found.status, found.samples) == (Status.CONVERGED, 50)
+
+
+def test_it_tells_what_it_did(tracer: Tracer) -> None:
+    found = traced(tracer, least=8, most=8, seed=77).indirect
+    assert found.seed == 77
+    assert found.seconds > 0
+    assert found.limit > 5
+    # A bounce is a segment: one at least for each walk.
+    walks = 8 * on_screen(tracer.theatre).sum()
+    assert walks < found.steps < walks * found.limit
+    assert traced(tracer, least=8, most=8, bounces=1).indirect.steps == walks
+
+
 @pytest.mark.parametrize("lit", [False, True])
 def test_progress_only_grows_and_ends_at_one(lit: bool) -> None:
     told: list[tuple[float, str]] = []
@@ -385,6 +401,13 @@ def test_a_brighter_picture_is_traced_alike(tracer: Tracer) -> None:
     one, four = (traced(tracer, k * picture(), least=16, most=16).indirect for k in (1, 4))
     np.testing.assert_allclose(four.mean, 4 * one.mean, rtol=1e-5)
     np.testing.assert_allclose(four.standard_error, 4 * one.standard_error, rtol=1e-4, atol=1e-6)
+
+
+def test_a_black_picture_stays_black(tracer: Tracer) -> None:
+    found = traced(tracer, np.zeros((1, SIZE, SIZE, 3)))
+    assert found.indirect.status is Status.CONVERGED
+    assert np.all(found.mean == 0)
+    assert np.all(found.standard_error == 0)
 
 
 def test_many_walks_take_few_launches(tracer: Tracer, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -130,7 +130,7 @@ def test_seats_stay_within_the_radius_and_keep_their_numbers():
 
 
 def test_risers_end_at_the_radius_and_carry_the_seats():
-    solids, _ = planned(within=2.4)
+    solids, _ = planned(within=2.4, rows=5)
     risers = solids["risers"]
     assert np.hypot(*risers.vertices[:, :2].T).max() <= 2.4 + 1e-9
     down = np.array([0.0, 0.0, -1.0])

@@ -233,6 +233,13 @@ def test_viewpoints_are_the_seats_and_those_that_are_named(full: Scene) -> None:
     assert np.degrees(np.arctan2(back[1], back[2])) == pytest.approx(50)
 
 
+def test_a_named_viewpoint_replaces_a_seats(tmp_path: Path) -> None:
+    view = "[viewpoints.front]\nposition_m = [1.0, 1.0, 0.0]\nlook_at_m = [0.0, 9.0, 0.0]\n"
+    views = load(tmp_path, FULL + view).theatre.viewpoints
+    assert views["front"].position == (1.0, 1.0, 0.0)
+    assert views["back"].position != views["front"].position
+
+
 def test_a_lamp_shines_along_its_normal_in_units_of_white(full: Scene) -> None:
     (lamp,) = full.theatre.lamps
     normal = np.cross(lamp.across, lamp.up)
@@ -560,6 +567,12 @@ def test_a_lens_must_be_inside_the_ellipsoid_itself(tmp_path: Path) -> None:
         load(tmp_path, flat)
     tall = changed(text, ("5.0]", "9.0]"), ("radius_m = 8.0", "radius_m = 8.0\nheight_ratio = 1.5"))
     assert load(tmp_path, tall).theatre.lenses[0].position == pytest.approx((0, 0, 9))
+
+
+def test_projectors_that_leave_the_screen_dark_are_refused(tmp_path: Path) -> None:
+    scene = load(tmp_path, with_sections("unit").replace("200.0", "90.0"))
+    with pytest.raises(InputError, match=r"projectors leave 7\d\.\d% of the screen dark"):
+        scene.observation(32, 32)
 
 
 # How far the closed form holds
