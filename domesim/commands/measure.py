@@ -56,6 +56,8 @@ app.command()(reflected)
 WIDTH, DISTANCE, ADAPTATION = 2.5, 3.0, 5.0
 """Width of the screen (m), distance to it (m) and adaptation (cd/m²) in van Baar et al. 2011,
 section 4."""
+WHITE = 15.4
+"""White through glasses, cd/m²: 4.5 fL, at which DCI's addendum on stereoscopic cinema aims."""
 COLOURS = "BT.709"
 """Primaries of a display with shutters, unless others are named: most are televisions."""
 
@@ -419,7 +421,7 @@ def _photographed(
         name=_quoted(out.stem),
         description=_quoted(f"A stereo system as photographed: {listed.name}. Map: {stored.name}."),
         primaries=_quoted(colours),
-        white=photographs.white,
+        white=WHITE if photographs.white is None else photographs.white,
         black=photographs.black,
         to_left=_rows(maps[0].matrix),
         to_right=_rows(maps[1].matrix),
@@ -428,6 +430,7 @@ def _photographed(
         seat=_quoted(SWEET_SPOT),
         source=_quoted(f"measured: {listed.name}, SHA-256 {photographs.digest[:16]}"),
         colours="assumed" if photographs.primaries is None else "given to domesim measure",
+        lights="assumed" if photographs.white is None else "given to domesim measure",
         **room.figures(),
     )
     scene = scene_of_text(text, str(listed), out.parent)
@@ -453,6 +456,10 @@ def _photographed(
             console.say(line)
     if photographs.primaries is None:
         console.say(f"Assumed, as projector.primaries was not given: {COLOURS}")
+    if photographs.white is None:
+        console.say(
+            f"Assumed, as projector.white_cd_m2 was not given: {WHITE} cd/m², as 3D cinemas"
+        )
     if room.assumed:
         options = ", ".join(f"--{name}" for name in room.assumed)
         console.say(f"Assumed, as {options} were not given: {_RIG}")
@@ -473,7 +480,8 @@ def _photographed(
         }
         for each in maps
     }
-    assumed = [*(["primaries"] if photographs.primaries is None else []), *room.assumed]
+    unsaid = {"primaries": photographs.primaries, "white_cd_m2": photographs.white}
+    assumed = [*(name for name, said in unsaid.items() if said is None), *room.assumed]
     figures = {
         "photographs": str(listed),
         "corners": {"at": _plain(corners.at), "error": corners.error, "origin": corners.origin},
@@ -772,7 +780,7 @@ name = {seat}
 """,
     """\
 "projector.primaries" = "{colours}"
-"projector.white_cd_m2, projector.black_cd_m2" = "given to domesim measure"
+"projector.white_cd_m2, projector.black_cd_m2" = "{lights}"
 "crosstalk" = {source}
 """,
 )

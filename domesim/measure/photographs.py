@@ -103,14 +103,14 @@ class _Photographs(_Section):
 
 
 class _Projector(_Section):
-    white_cd_m2: Annotated[float, Field(gt=0)]
+    white_cd_m2: Annotated[float, Field(gt=0)] | None = None
     black_cd_m2: Annotated[float, Field(ge=0)] = 0.0
     primaries: str | None = None
 
 
 class _File(_Section):
     photographs: _Photographs
-    projector: _Projector
+    projector: _Projector = _Projector()
 
 
 @final
@@ -210,7 +210,8 @@ class Photographs:
     corners
         Corners of the screen.
     white, black
-        Luminance of a projector's white and of black through its glass, cd/m².
+        Luminance of a projector's white and of black through its glass, cd/m²; white is None if the
+        file does not say.
     primaries
         Name of the projectors'; None if the file does not say.
     digest
@@ -224,7 +225,7 @@ class Photographs:
     glasses: tuple[Glass, Glass]
     place: Floats
     corners: Corners
-    white: float
+    white: float | None
     black: float
     primaries: str | None
     digest: str

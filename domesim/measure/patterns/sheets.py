@@ -299,7 +299,7 @@ right = "{eye}-glass-right-white"  # or a list of photographs
 encoding = "linear"
 {glasses}
 [projector]
-# white_cd_m2 = 15.4          # through the glasses: a camera cannot know
+# white_cd_m2 = 15.4          # through the glasses: a camera cannot know; assumed if not said
 # black_cd_m2 = 0.01
 # primaries = "P3-D65"
 """

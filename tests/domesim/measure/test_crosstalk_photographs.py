@@ -259,6 +259,20 @@ def test_a_scene_and_its_map(run, tmp_path, primaries):
     assert share.std() < 0.02
 
 
+def test_white_that_no_camera_knows_is_assumed_and_said(tmp_path, run):
+    """The sheet leaves it a comment: whoever has no meter has nothing to write."""
+    studio = Studio(random_maps(np.random.default_rng(7)), NOISE)
+    path = store_all(tmp_path, studio, projector=False)
+    code, out, _ = run("measure", "crosstalk", path, "--out", tmp_path / "m.toml")
+    assert code == 0
+    assert "Assumed, as projector.white_cd_m2 was not given: 15.4 cd/m²" in out
+    assert load_stereo(tmp_path / "m.toml").projector.white == 15.4
+    assert (
+        '"projector.white_cd_m2, projector.black_cd_m2" = "assumed"'
+        in (tmp_path / "m.toml").read_text()
+    )
+
+
 def test_figures_and_a_map_of_another_scene(run, tmp_path):
     path = store_all(tmp_path, Studio(random_maps(np.random.default_rng(6), (90, 150)), NOISE))
     one, two = tmp_path / "one.toml", tmp_path / "two.toml"
@@ -344,7 +358,7 @@ REFUSED = {
     "not linear": (spoil_srgb, 'say encoding = "linear"'),
     "a picture of 8 bits": (spoil_depth, "of 10 bits or more, got 8"),
     "no such file": (replaced("left-black.exr", "none.exr"), "none.exr"),
-    "no white": (replaced("white_cd_m2 = 15.4", ""), "projector.white_cd_m2: field required"),
+    "a dark white": (replaced("= 15.4", "= -1.0"), "projector.white_cd_m2: input should be"),
     "an unknown key": (replaced("black =", "blakc ="), "photographs.left"),
     "no right glass": (
         replaced("[photographs.right]", "[other]"),
