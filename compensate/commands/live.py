@@ -315,7 +315,8 @@ def shader(
             "--for",
             help="Who runs it: mpv, any of them, and FFmpeg's libplacebo; gpu-next, mpv with that "
             "output (libplacebo 6), whose options are its lift and its switch; isf, hosts of the "
-            "Interactive Shader Format (VDMX, MadMapper), which have them as inputs.",
+            "Interactive Shader Format (VDMX, MadMapper), which have them as inputs; "
+            "touchdesigner, the text of a GLSL TOP for each of its passes.",
         ),
     ] = "mpv",
     packing: Packed = None,
@@ -342,6 +343,7 @@ def shader(
         "mpv": shader_of,
         "gpu-next": partial(shader_of, uniforms=True),
         "isf": isf_of,
+        "touchdesigner": partial(isf_of, touch=True),
     }
     if player not in writers:
         raise InputError(f"--for {player!r} is not known; use one of {', '.join(writers)}")
@@ -365,6 +367,7 @@ def shader(
         "mpv": ADVICE["a film in a player"].given(shader=out, film="VIDEO"),
         "gpu-next": ADVICE["a film in gpu-next"].given(shader=out, film="VIDEO"),
         "isf": f"-> {out}",
+        "touchdesigner": f"-> {out} (its first lines say how TOPs are connected)",
     }
     scripts = [f"and, for the cues, --script={path}" for path in texts if path != out]
     Console(quiet=quiet).say(

@@ -1,4 +1,4 @@
-"""ISF shaders (Interactive Shader Format 2), for VDMX, MadMapper and others: eight passes at most.
+"""ISF shaders (Interactive Shader Format 2), and the same for TouchDesigner: eight passes at most.
 
 Targets are of 32 bits (``FLOAT``). ISF has no images of floats, so that maps are polynomials here:
 of a dome in closed form, whose reflected light has one mode, and of a pair. Others are for
@@ -53,6 +53,7 @@ def isf_of(
     *,
     beside: bool = True,
     aim: Aim | None = None,
+    touch: bool = False,
 ) -> str:
     """Writes an ISF shader for a scene.
 
@@ -62,6 +63,8 @@ def isf_of(
         As for `compensate.live.shader.shader_of`.
     aim
         Its lift is the default of the input `lift`.
+    touch
+        Whether it is the text of TouchDesigner's GLSL TOPs instead, one for each pass.
 
     Returns
     -------
@@ -98,10 +101,10 @@ def isf_of(
         ],
         "PASSES": [*sizes, {}],
     }
-    return rendered(
-        "isf.glsl.j2",
-        about | facts | {"textures": (), "header": json.dumps(header).replace("*/", "* /")},
-    )
+    told = json.dumps(header).replace("*/", "* /")  # it is a comment
+    usual = glsl((aim or Aim()).lift)
+    facts |= {"textures": (), "header": "" if touch else told, "usual": usual}
+    return rendered("isf.glsl.j2", about | facts)
 
 
 def _about_dome(name: str, k: DomeConstants, observation: LowRankObservation) -> dict[str, Any]:

@@ -100,6 +100,38 @@ def test_it_shows_what_the_library_shows(draw: Any, name: str, size: int, beside
     assert np.quantile(apart, 0.999) < 0.3
 
 
+COMPILE = """(texts) => {
+  const gl = document.createElement("canvas").getContext("webgl2");
+  return texts.map((text) => {
+    const shader = gl.createShader(gl.FRAGMENT_SHADER);
+    gl.shaderSource(shader, text);
+    gl.compileShader(shader);
+    return gl.getShaderInfoLog(shader) ?? "";
+  });
+}"""
+TOUCH = """#version 300 es
+precision highp float;
+#define TD_NUM_2D_INPUTS {inputs}
+uniform sampler2D sTD2DInputs[{inputs}];
+uniform struct {{ vec4 res; }} uTDOutputInfo;
+in vec3 vUV;
+vec4 TDOutputSwizzle(vec4 colour) {{ return colour; }}
+"""
+"""What TouchDesigner puts before a GLSL TOP's text, as its manual has it."""
+
+
+@pytest.mark.parametrize(("name", "passes"), [("dome_imax", 8), ("stereo_cinema_silver", 4)])
+def test_touchdesigners_text_compiles_for_each_top(browser: Any, name: str, passes: int) -> None:
+    text = isf_of(load_scene(name), 64, 64, SRGB, aim=Aim(lift=2), touch=True)
+    assert f"For {passes} GLSL TOPs" in text
+    assert "lift (2.0 is usual)" in text
+    page = browser.new_page()
+    tops = [TOUCH.format(inputs=inputs) + text for inputs in range(1, passes + 1)]
+    assert page.evaluate(COMPILE, [*tops, tops[0] + "?"])[:-1] == [""] * passes
+    assert "ERROR" in page.evaluate(COMPILE, [tops[0] + "?"])[0]
+    page.close()
+
+
 def test_another_size_gets_a_red_frame(draw: Any) -> None:
     grey = np.full((48, 48, 4), 90, np.uint8)
     text = isf_of(load_scene("dome_imax"), 64, 64, SRGB)
