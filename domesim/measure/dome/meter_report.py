@@ -68,6 +68,11 @@ def lines_of(task: MeterTask, found: Metered) -> list[str]:
         f"taken: light over the screen is even within {UNEVEN:.0%}"
         + (f", the lux meter's cosine is right within {COSINE:.0%}" if _lux(task) else "")
     )
+    if more := theatre.departures():
+        lines.append(
+            f"described, but not in the scene that is written, a bare dome: {'; '.join(more)}. "
+            f"What that costs: docs/measuring-by-meter.md"
+        )
     if found.degrees > 0:
         verdict = "noise alone explains the readings"
         if found.model_error > 0:

@@ -137,6 +137,17 @@ def test_a_scene_says_how_sure_it_is(folder, tmp_path, run):
     assert scene.uncertain(32, 32) is not None
 
 
+def test_what_a_bare_dome_leaves_out_is_told(folder, tmp_path, run):
+    fill(folder / "luminance/dome.csv", room(folder), tmp_path / "filled.csv")
+    content = {**THEATRE, "floor": {"height_m": -1.5, "albedo": 0.3}}
+    (tmp_path / "floor.toml").write_text(as_toml(content))
+    for scene, told in (("floor.toml", True), (folder / "theatre.toml", False)):
+        arguments = (tmp_path / "filled.csv", "--scene", tmp_path / scene, "--overwrite")
+        code, out, _ = run("measure", "dome", *arguments, "--out", tmp_path / "mine.toml")
+        assert code == 0
+        assert ("a bare dome: the floor reflects (albedo 0.3)" in out) == told
+
+
 def rows_of(path):
     with path.open(newline="") as file:
         return list(csv.reader(file))
