@@ -111,8 +111,9 @@ def test_what_is_worse_is_said() -> None:
     frame = {"input": ["a/l.7.dpx", "a/r.7.dpx"], "loss_before": 0.2, "loss_after": 0.25}
     fine = [{**frame, "loss_after": 0.2}, {**frame, "loss_before": None, "loss_after": 0.0}]
     assert worse_than_untouched(fine) == ""
-    told = worse_than_untouched([frame, *fine])
-    assert told.startswith("worse than untouched: 1 of 3 frames, l.7.dpx by 0.050 JOD")
+    other = {**frame, "input": "a.8.dpx", "loss_after": 0.22}
+    told = worse_than_untouched([other, frame, *fine])
+    assert told.startswith("worse than untouched: 2 of 4 frames, l.7.dpx by 0.050 JOD")
 
 
 def test_prediction_advises_nothing_that_is_worse(run: Run, tmp_path: Path) -> None:

@@ -114,12 +114,13 @@ def test_a_jump_is_warned_of_at_once_and_not_for_long() -> None:
 
 
 def test_frames_that_are_not_known_are_left_out() -> None:
-    row = {"master": 0.0, "untouched": 0.1, "seen": 0.1}
+    row = {"master": 0.04, "untouched": 0.1, "seen": 0.1}
     assert timeline([None, row, None], [0, 1, 2], NAMES) is None
     found = timeline([row, None, row | {"seen": 0.3}], [0, 1 / RATE, 2 / RATE], NAMES)
     assert found is not None
     assert [(alarm.first, alarm.last) for alarm in found.alarms] == [(2, 2)]
     assert found.panels[2].lines["as shown"][1] is None
+    assert found.panels[1].lines["as shown"] == pytest.approx([0.06, None, 0.26])
     assert len(found.panels) == 3  # without a sky
     assert "currentColor" in drawn(found, [0, 1 / RATE, 2 / RATE])
 
