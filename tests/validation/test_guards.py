@@ -44,7 +44,7 @@ CHECKED_ELSEWHERE = {
     "tools for arrays of any kind": "namespace on_host as_sent kind total dot",
     "pieces of what is guarded": "expand mixing_by lifted_light aimed_light averaged block_of "
     "around_of around_of_plane certified quality_lost pooled enlarged if_installed "
-    "visible_steps share_of_steps beyond graded",
+    "visible_steps share_of_steps beyond graded vector matrix",
 }
 """Where functions without a line in `VALID` are checked."""
 
