@@ -217,3 +217,15 @@ def test_what_is_no_overlay_is_refused(run: Run, show, tmp_path: Path) -> None:
     run(*show, *overlays(tmp_path), "--overlay", small, *out).is_refused("got it 3 times")
     dome = ("compensate", tmp_path / "L.exr", "--scene", "dome_imax", *out)
     run(*dome, "--overlay", small).is_refused("--overlay is for pairs on flat screens")
+
+
+def test_pages_and_the_report_name_titles(run: Run, show, tmp_path: Path) -> None:
+    for eye in "LR":
+        (tmp_path / f"{eye}.0001.exr").write_bytes((tmp_path / f"{eye}.exr").read_bytes())
+    numbered = ("--left", f"{tmp_path}/L.####.exr", "--right", f"{tmp_path}/R.####.exr")
+    how = ("--scene", tmp_path / "rig.toml", "--pages", 1, "--out", tmp_path / "out")
+    assert run("compensate", *numbered, *how, *overlays(tmp_path)).code == 0
+    command = f"--overlay {tmp_path / 'L.png'} --overlay {tmp_path / 'R.png'}"
+    (page,) = (tmp_path / "out" / "job").glob("compare-*.html")
+    assert command in page.read_text()
+    assert "L.png and " in (tmp_path / "out" / "job" / "report.html").read_text()

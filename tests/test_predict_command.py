@@ -157,6 +157,17 @@ def test_pictures_show_the_map_and_the_map_times_the_ghost(
     assert 0.5 < np.quantile(ghost, 0.999) * frame["brightened"] <= 1
 
 
+def test_large_pictures_are_reduced(run: Run, tmp_path: Path, out: Path) -> None:
+    left, right = (np.repeat(view(place), 22, axis=1)[:40] for place in (12, 60))
+    files = [store(tmp_path / f"{k}.exr", eye) for k, eye in enumerate((left, right))]
+    arguments = ("--left", files[0], "--right", files[1], "--scene", STEREO, "--out", out)
+    assert run("predict", *arguments).code == 0
+    # By 4 to what a prediction tells apart
+    assert channels(out / "0.maps.exr")["TVI"].shape == (10, 528)
+    spec = oiio.ImageBuf(str(out / "0.tvi.png")).spec()
+    assert (spec.width, spec.height) == (2 * 528 + 4, 10)
+
+
 def test_verdicts_and_the_summary_of_a_sequence(run: Run, tmp_path: Path, out: Path) -> None:
     (tmp_path / "in").mkdir()
     # nothing; a ghost in the dark; one that can be subtracted; a larger one in the dark
