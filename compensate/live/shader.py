@@ -153,7 +153,24 @@ def script_of(cues: CueList, usual: float, name: str) -> str:
 def about_scene(
     scene: Scene, rows: int, cols: int, colour: ColourTag, *, beside: bool
 ) -> dict[str, Any]:
-    """What templates say of a scene and its video."""
+    """What templates say of a scene and its video.
+
+    Parameters
+    ----------
+    scene
+        Dome, or stereo system.
+    rows, cols
+        Pixels of a view.
+    colour
+        How the video's code values mean light.
+    beside
+        Whether views lie side by side, else one above the other.
+
+    Returns
+    -------
+    about
+        Values of the templates' names.
+    """
     across, down = (scene.views, 1) if beside else (1, scene.views)
     return {
         "scene": scene.name,
@@ -329,7 +346,20 @@ def matrix(values: NDArray[np.floating]) -> str:
 
 
 def rendered(name: str, about: dict[str, Any]) -> str:
-    """A template's text, with a digest of all that it is made of."""
+    """A template's text, with a digest of all that it is made of.
+
+    Parameters
+    ----------
+    name
+        The template's file.
+    about
+        Values of its names.
+
+    Returns
+    -------
+    text
+        The shader's source.
+    """
     import jinja2  # noqa: PLC0415 - slow to import
 
     said = repr(sorted((key, _told(value)) for key, value in about.items()))
