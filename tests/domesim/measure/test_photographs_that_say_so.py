@@ -24,11 +24,11 @@ def test_a_photograph_with_a_curve_is_refused_at_once(tmp_path: Path) -> None:
         profile = icc_profile("made", "BT.709", curve)
         path = photograph(tmp_path / name, ICCProfile=(f"uint8[{profile.size}]", profile))
         if name == "linear.tif":
-            assert _light(path, CAMERA)[0, 0] == pytest.approx(20000 / 65535)
+            assert _light(path, CAMERA)[0][0, 0] == pytest.approx(20000 / 65535)
         else:
             with pytest.raises(InputError, match=r"wanted a linear photograph, got sRGB"):
                 _light(path, CAMERA)
-    assert _light(photograph(tmp_path / "silent.tif"), CAMERA).shape == (8, 8, 3)
+    assert _light(photograph(tmp_path / "silent.tif"), CAMERA)[0].shape == (8, 8, 3)
 
 
 def test_it_is_told_before_patterns_are_read(tmp_path: Path) -> None:
