@@ -10,6 +10,7 @@ import tempfile
 import time
 from collections import defaultdict
 from collections.abc import Hashable, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from itertools import chain
 from pathlib import Path
@@ -28,11 +29,13 @@ from domesim.shows.checksums import sha256
 from domesim.shows.cinema import becoming
 from domesim.shows.film import Films, encoding_of
 from domesim.shows.first_look import look
+from domesim.shows.report import Report
 from domesim.shows.run import (
     Running,
     crew_of,
     do_all,
     free_memory,
+    job_of,
     needed_memory,
     orders_of,
     pages_of,
@@ -66,6 +69,7 @@ class _Tried:
     frames: dict[Order, Finished] = field(default_factory=dict)
     failed: list[str] = field(default_factory=list)
     ends: list[tuple[tuple[str, int], float]] = field(default_factory=list)  # whose, and when
+    report: Report | None = None
 
     def end(self, order: Order, outcome: Finished | Failed) -> None:
         """Takes the outcome of a frame."""
@@ -139,21 +143,26 @@ def estimate(
     each = A_WORKER if like is None else LIKE
     wanted = min(count, each * (1 if crew is None else crew.workers))
     chosen = sorted({round(k * (count - 1) / max(wanted - 1, 1)) for k in range(wanted)})
-    place = folder
-    while not place.is_dir():
-        place = place.parent
+    place = next(each for each in (folder, *folder.parents) if each.is_dir())
     tried = _Tried()
-    with tempfile.TemporaryDirectory(prefix=".domesim-", dir=place) as scratch:
+    with ExitStack() as stack:
+        scratch = stack.enter_context(tempfile.TemporaryDirectory(prefix=".domesim-", dir=place))
         part = show.some(chosen)
         outputs = _outputs(part, writing, Path(scratch))
-        orders = orders_of(part, outputs, recipe, writing)
+        job = stack.enter_context(job_of(part, Path(scratch), outputs, recipe, writing, running))
+        orders = orders_of(part, outputs, recipe, writing, job)
+        tried.report = None if job is None else Report(job, orders, "estimate")
         age, began = _age(), time.perf_counter()
         with console.progress("trying", len(orders)) as start:
             do_all(orders, crew, start, tried.end, console)
+        if tried.report is not None:
+            for order, outcome in tried.frames.items():
+                tried.report.add(order, outcome)
+            tried.report.finish()
         ended = time.perf_counter()
         if not tried.frames:
             raise InputError(f"no frame of {len(chosen)} could be done: {tried.failed[0]}")
-        size = _bytes_in(Path(scratch)) / len(tried.frames)
+        size = mean(_size(order) for order in tried.frames)
         pages = _pages(tried, show, recipe, running, Path(scratch), console)
         video = _Cost()
         if isinstance(films, Films) and not show.part:
@@ -233,7 +242,11 @@ def _pages(
         start(worst.name)
         if write_page(worst, page):
             return _Cost()
-    return _Cost(count * (time.perf_counter() - began), count * page.stat().st_size)
+    seconds = time.perf_counter() - began
+    if tried.report is not None:  # which is written again, with the pages
+        tried.report.finish()
+    again = time.perf_counter() - began - seconds
+    return _Cost(count * seconds + again, count * page.stat().st_size)
 
 
 def _video(tried: _Tried, films: Films, count: int, scratch: Path, console: Console) -> _Cost:
@@ -288,5 +301,7 @@ def _core_seconds(trials: Sequence[Finished]) -> float:
     return mean(chain(*ends.values()))
 
 
-def _bytes_in(folder: Path) -> int:
-    return sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
+def _size(order: Order) -> int:
+    """Bytes of a result, and of the files beside it."""
+    files = (*order.output, *order.recipe.beside(order.output))
+    return sum(path.stat().st_size for path in files if path.exists())

@@ -205,7 +205,7 @@ def each_frame(
         prepare(*outputs[0], *beside[0], inputs=show.moments[0])
     _tell_size(show, recipe, console)
     crew = crew_of(running, recipe, show)
-    with _job(show, folder, outputs, recipe, writing, running) as job:
+    with job_of(show, folder, outputs, recipe, writing, running) as job:
         if job is not None:
             keep(looked, job.folder)
         orders = orders_of(show, outputs, recipe, writing, job)
@@ -304,7 +304,7 @@ def _rate(orders: Sequence[Order], films: Films | Cinema | None) -> float:
 
 
 @contextmanager
-def _job(
+def job_of(
     show: Show,
     folder: Path,
     outputs: Sequence[Files],

@@ -35,6 +35,7 @@ from domesim.host.writing import LIST, make_own, temporary_of
 from domesim.shows import cluster, crew, job, report
 from domesim.shows.estimate import estimate
 from domesim.shows.job import FOLDER, open_job
+from domesim.shows.report import Report
 from domesim.shows.run import Running, crew_of, each_frame
 from domesim.shows.show import find_show
 from domesim.shows.work import Failed, Order, Writing
@@ -773,6 +774,16 @@ def test_a_dry_run_tells_and_leaves_nothing(
     copied(tmp_path, recipe, 0)
     took = sum(path.stat().st_size for path in (tmp_path / "out").glob("*.exr"))
     assert figures["disk_total"] == pytest.approx(took, rel=0.02)
+
+
+def test_a_dry_run_counts_the_report(
+    tmp_path: Path, recipe: Harmful, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    make_show(tmp_path / "in", 3)
+    monkeypatch.setattr(Report, "finish", lambda _: time.sleep(1))
+    show, console = show_of(tmp_path / "in"), Console(quiet=True)
+    figures = estimate(show, tmp_path / "out", recipe, console, Writing(), Running(0))
+    assert figures["seconds_total"] > 1 > figures["seconds_frame"]
 
 
 @pytest.mark.parametrize("workers", [0, 2])
