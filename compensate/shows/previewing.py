@@ -38,7 +38,7 @@ from domesim.scene.screening import averaged_on_screen
 from domesim.shows.first_look import look
 from domesim.shows.run import Running, crew_of, figures_of_all, orders_of
 from domesim.shows.show import Show
-from domesim.shows.timeline import Panel
+from domesim.shows.timeline import Panel, begin_at_zero
 from domesim.shows.work import Column, Note, Order, Recipe, Work, Write, Writing
 
 WAYS = {"none": "untouched", "subtractive": "subtracted", "perceptual": "compensated"}
@@ -371,7 +371,7 @@ def _drawn(
                 values = [np.nan if value is None else value for value in line]
                 axes.plot(seconds, values, color=_COLOURS[name], label=name, linewidth=1.8)
             if panel.from_zero:
-                axes.set_ylim(bottom=0)
+                begin_at_zero(axes)
             axes.set_title(panel.label.replace("\n", " "), fontsize=12)
             axes.margins(x=0.01)
             axes.set_xlabel("seconds")

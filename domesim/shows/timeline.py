@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import cycle
-from typing import final
+from typing import Any, final
 
 Line = Sequence[float | None]
 """A figure at each frame; None where it is not known."""
@@ -154,7 +154,7 @@ def drawn(timeline: Timeline, seconds: Sequence[float]) -> str:
                 ends = seconds[alarm.first] - frame / 2, seconds[alarm.last] + frame / 2
                 axes.axvspan(*ends, color=_BAD, alpha=0.22, linewidth=0)
             if panel.from_zero:
-                axes.set_ylim(bottom=0)
+                begin_at_zero(axes)
             axes.set_ylabel(panel.label)
             if len(panel.lines) > 1:
                 axes.legend(frameon=False, loc="center left", bbox_to_anchor=(1, 0.5))
@@ -166,6 +166,18 @@ def drawn(timeline: Timeline, seconds: Sequence[float]) -> str:
         )
     drawing = memory.getvalue()
     return drawing[drawing.index("<svg") :].replace(_TEXT, "currentColor")
+
+
+def begin_at_zero(axes: Any) -> None:
+    """Shows 0 and a little more than the most: a line that never changes would lie on the frame.
+
+    Parameters
+    ----------
+    axes
+        Matplotlib's, with all of its lines.
+    """
+    most = float(axes.dataLim.y1)
+    axes.set_ylim(0, 1.05 * most if most > 0 else 1)
 
 
 def _thinned(seconds: Sequence[float], line: Line) -> tuple[list[float], list[float]]:

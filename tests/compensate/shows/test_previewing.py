@@ -24,6 +24,7 @@ from domesim.scene import load_scene
 from domesim.scene.choice import SceneChoice
 from domesim.scene.screening import decoded
 from domesim.shows.show import find_show
+from domesim.shows.timeline import Panel
 from domesim.shows.work import Order, Steps, Writing
 
 SIDE, COUNT = 96, 6
@@ -169,3 +170,14 @@ def test_a_pair_is_looked_at_first(tmp_path: Path, run: Run) -> None:
     asked.is_refused("left 4.00 times as bright as right", "--as-given")
     assert not film.exists()
     assert run("preview", *pair, tmp_path / "r.#.png", *how, "--as-given").code == 0
+
+
+def test_a_line_that_hardly_changes_is_seen() -> None:
+    """Apart from the frame of its graph."""
+    values = [0.6 + 1e-5 * k for k in range(9)]
+    picture, places = previewing._drawn([Panel("light", {"master": values})], range(9))
+    rows, first, step = places[0]
+    middle = picture[rows, round(first + 4 * step)].astype(int)
+    line = np.flatnonzero((abs(middle - 0xC8) < 40).all(axis=-1))
+    assert line.size
+    assert 4 < line.mean() < 0.2 * len(middle)
