@@ -118,6 +118,11 @@ def address_of(pid: int, ended: threading.Event) -> str:
 
 def main(scene: str, out: str, rows: int, cols: int, alpha: bool, rate: float, count: int) -> None:
     """Sends, compensates and receives; stores what came."""
+    live_command = [sys.executable, "-m", "domesim", "live", "--scene", scene]
+    # The first start compiles its loops for a minute or two, which is no waiting for a source
+    subprocess.run(
+        [*live_command, "--size", f"{cols}x{rows}"], input=b"", capture_output=True, check=True
+    )
     ended = threading.Event()
     timer = threading.Timer(100, ended.set)
     timer.daemon = True
@@ -125,10 +130,8 @@ def main(scene: str, out: str, rows: int, cols: int, alpha: bool, rate: float, c
     sending = Sending(rows, cols, alpha=alpha, rate=rate)
     told: list[str] = []
     facts: dict[str, Any] = {}
-    command = ["live", "--scene", scene, "--ndi-in", SHOW, "--ndi-out", OUT, "--json"]
-    with subprocess.Popen(
-        [sys.executable, "-m", "domesim", *command], stderr=subprocess.PIPE, text=True
-    ) as live:
+    command = [*live_command, "--ndi-in", SHOW, "--ndi-out", OUT, "--json"]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as live:
         try:
             with Receiver(address_of(live.pid, ended), ended, told.append) as receiver:
                 assert receiver.connect()
@@ -160,7 +163,7 @@ def alone(folder: Path, *arguments: object) -> subprocess.CompletedProcess[str]:
         env={**os.environ, "NDI_CONFIG_DIR": str(folder), "PYTHONPATH": os.pathsep.join(sys.path)},
         capture_output=True,
         text=True,
-        timeout=150,
+        timeout=500,
         check=False,
     )
 
