@@ -295,18 +295,7 @@ class Sensor:
         shots
             The photographs.
         """
-        content = {
-            "name": "theatre",
-            "dome": {
-                "radius_m": dome.radius,
-                "half_angle_deg": float(np.degrees(dome.half_angle)),
-                "tilt_deg": float(np.degrees(dome.tilt)),
-            },
-            "screen": {"albedo": 0.5},
-            "projector": {"white_cd_m2": 8.0},
-            "viewing": {"adaptation_cd_m2": 0.5},
-        }
-        (folder / "theatre.toml").write_text(as_toml(content))
+        (folder / "theatre.toml").write_text(theatre_file(dome))
         camera, colours = shots.camera, ("red", "green", "blue")
         lines = [
             'theatre = "theatre.toml"',
@@ -499,3 +488,20 @@ def _reflected(theatre: Theatre, white: Floats) -> Floats:
     seen = model.seen_from(places)
     light = [model.shown(p, albedos[:, p], places, seen)[0][0] for p in range(3)]
     return np.asarray((np.stack(light) - places.direct[0].T) @ areas / areas.sum())
+
+
+def theatre_file(dome: Dome) -> str:
+    """A theatre's file that tells of its dome, and of the rest as little as can be."""
+    return as_toml(
+        {
+            "name": "theatre",
+            "dome": {
+                "radius_m": dome.radius,
+                "half_angle_deg": float(np.degrees(dome.half_angle)),
+                "tilt_deg": float(np.degrees(dome.tilt)),
+            },
+            "screen": {"albedo": 0.5},
+            "projector": {"white_cd_m2": 8.0},
+            "viewing": {"adaptation_cd_m2": 0.5},
+        }
+    )

@@ -16,7 +16,6 @@ from domesim.observation.radiosity import radiosity
 from domesim.observation.transport import Transport
 from domesim.room.dome import Dome
 from domesim.room.theatre import Floor, Theatre
-from domesim.scene.writing import as_toml
 from testing.laboratory import sectors_for
 
 THEATRE = Theatre(
@@ -64,23 +63,6 @@ def seen(
     spread = np.hypot(noise * light, read_out * np.array(GAIN))
     light += spread * np.random.default_rng(seed).standard_normal(light.shape)
     return Photographs(camera, light, np.arange(len(lit)), np.ones(len(lit)))
-
-
-def described(dome: Dome) -> str:
-    """A theatre's file that tells of its dome, and of the rest as little as can be."""
-    return as_toml(
-        {
-            "name": "theatre",
-            "dome": {
-                "radius_m": dome.radius,
-                "half_angle_deg": float(np.degrees(dome.half_angle)),
-                "tilt_deg": float(np.degrees(dome.tilt)),
-            },
-            "screen": {"albedo": 0.5},
-            "projector": {"white_cd_m2": 8.0},
-            "viewing": {"adaptation_cd_m2": 0.5},
-        }
-    )
 
 
 def store_survey(

@@ -10,11 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command_line import exit_code
-from made_up_domes import THEATRE, described, store_survey
+from made_up_domes import THEATRE, store_survey
 from made_up_photographs import made_up
 from told_numbers import assert_same_but_for_last_digits
 
 from domesim.frames import read_frame
+from testing.surveys import theatre_file
 
 FOLDER = Path(__file__).parents[1] / "docs"
 PAGE = (FOLDER / "measuring.md").read_text()
@@ -45,7 +46,7 @@ def folder(tmp_path_factory):
         each for each in re.findall(r"^```toml\n(.*?)^```", PAGE, re.M | re.S) if "corners" in each
     )
     made_up(path, toml)
-    store_survey(path, described(THEATRE.dome), PROJECTED)
+    store_survey(path, theatre_file(THEATRE.dome), PROJECTED)
     return path
 
 

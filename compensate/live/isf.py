@@ -16,17 +16,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compensate.aim import Aim, pair
-from compensate.aim.dome import DARKEST, EDGE
 from compensate.aim.settings import MOST_LIFT
 from compensate.blocks import smooth
-from compensate.live.constants import DomeConstants, PairConstants, constants_of, turns_of
+from compensate.live.constants import DomeConstants, PairConstants, constants_of
 from compensate.live.shader import (
     INTERVALS,
     LEVELS,
     about_scene,
     counted,
     glsl,
-    matrix,
+    of_any_dome,
+    of_any_pair,
     rendered,
     vector,
 )
@@ -120,7 +120,8 @@ def _about_dome(name: str, k: DomeConstants, observation: LowRankObservation) ->
     if off > _NEAR:
         raise _refused(name, "light without a picture that varies smoothly")
     answer = k.core[:, 0, 0] * collect.sum()
-    bw, bh = -(-cols // k.block), -(-rows // k.block)
+    known = of_any_dome(k)
+    bw, bh = known["block_cols"], known["block_rows"]
     wide, levels = max(bw, LEVELS), 2 * (INTERVALS + 1)
     return {
         "dome": True,
@@ -139,20 +140,9 @@ def _about_dome(name: str, k: DomeConstants, observation: LowRankObservation) ->
         "radius_of_screen": _radius(name, k.screen),
         "ambient": ambient,
         "collect": _horner([glsl(each) for each in powers], "r"),
-        "intervals": INTERVALS,
         "answer": vector(answer),
         "spread": glsl(spread),
-        "block": k.block,
-        "radius": k.radius,
-        "block_rows": bh,
-        "block_cols": bw,
-        "weights": vector(k.weights),
-        "dark": glsl(k.dark),
-        "middle": glsl(np.log(k.dark) / 2),
-        "variance": glsl(EDGE**2),
-        "darkest": glsl(DARKEST),
-        "levels": LEVELS,
-        "kept": vector(k.kept[0]) if k.kept.any() else "",
+        **known,
     }
 
 
@@ -173,18 +163,7 @@ def _about_pair(name: str, k: PairConstants, density: float, *, beside: bool) ->
         "targets": [("GHOSTS", 2 * bw, bh), ("MEANS", 2 * bw, bh), ("VEIL", 2 * bw, bh)],
         "weights_of": [(k - reach, glsl(w)) for k, w in enumerate(line.tolist()) if w],
         "share": share,
-        "rows": k.rows,
-        "cols": k.cols,
-        "block": k.block,
-        "block_rows": bh,
-        "block_cols": bw,
-        "beside": beside,
-        "matrices": [matrix(each) for each in k.matrices],
-        "black": [vector(black) for black in k.black],
-        "kept": [vector(kept) for kept in k.kept] if k.kept.any() else [],
-        "rounds": -(-turns_of(k) // 2),
-        "weights": vector(k.weights),
-        "veil": glsl(pair.SHARE),
+        **of_any_pair(k, beside=beside),
     }
 
 

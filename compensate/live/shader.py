@@ -253,24 +253,13 @@ def _about_dome(k: DomeConstants) -> dict[str, Any]:
         "rank": len(k.spread),
         "rows": rows,
         "cols": cols,
-        "block": k.block,
-        "radius": k.radius,
         "cell": k.cell,
-        "block_rows": -(-rows // k.block),
-        "block_cols": -(-cols // k.block),
         "cell_rows": cell_rows,
         "cell_cols": cell_cols,
         "steps": math.ceil(math.log(_EXACT) / math.log(feedback / 2 / (1 + feedback / 2))),
-        "intervals": INTERVALS,
         "highest": glsl(_highest(k)),
         "relaxation": glsl(1 / (1 + feedback / 2)),
-        "weights": vector(k.weights),
-        "dark": glsl(k.dark),
-        "middle": glsl(math.log(k.dark) / 2),
-        "variance": glsl(EDGE**2),
-        "darkest": glsl(DARKEST),
-        "levels": LEVELS,
-        "kept": vector(k.kept[0]) if k.kept.any() else "",
+        **of_any_dome(k),
     }
 
 
@@ -284,6 +273,45 @@ def _about_pair(k: PairConstants, *, beside: bool) -> dict[str, Any]:
         "cell": k.cell,
         "cell_rows": k.share.shape[1],
         "cell_cols": k.share.shape[2],
+        **of_any_pair(k, beside=beside),
+    }
+
+
+def of_any_dome(k: DomeConstants) -> dict[str, Any]:
+    """What every dome's template says of its constants, whatever textures it has."""
+    rows, cols = k.screen.shape
+    return {
+        "block": k.block,
+        "radius": k.radius,
+        "block_rows": -(-rows // k.block),
+        "block_cols": -(-cols // k.block),
+        "intervals": INTERVALS,
+        "weights": vector(k.weights),
+        "dark": glsl(k.dark),
+        "middle": glsl(math.log(k.dark) / 2),
+        "variance": glsl(EDGE**2),
+        "darkest": glsl(DARKEST),
+        "levels": LEVELS,
+        "kept": vector(k.kept[0]) if k.kept.any() else "",
+    }
+
+
+def of_any_pair(k: PairConstants, *, beside: bool) -> dict[str, Any]:
+    """What every pair's template says of its constants, whatever textures it has.
+
+    Parameters
+    ----------
+    k
+        The constants.
+    beside
+        Whether views lie side by side, else one above the other.
+
+    Returns
+    -------
+    about
+        Values of the templates' names.
+    """
+    return {
         "rows": k.rows,
         "cols": k.cols,
         "block": k.block,

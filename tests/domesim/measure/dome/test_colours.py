@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from image_files import store
-from made_up_domes import CAMERA, GAIN, THEATRE, described, patterns, seen, truth
+from made_up_domes import CAMERA, GAIN, THEATRE, patterns, seen, truth
 
 from domesim.errors import InputError
 from domesim.measure.dome.colours import mixing, unmixed
@@ -16,6 +16,7 @@ from domesim.measure.dome.responses import responses_of
 from domesim.measure.dome.without_geometry import found_in
 from domesim.measure.raws import read_photograph
 from testing.raws import store_raw
+from testing.surveys import theatre_file
 
 MIX = np.array([[0.9, 0.25, 0.03], [0.15, 0.8, 0.2], [0.02, 0.1, 0.7]])
 """(channel, primary) of a camera without a matrix of its own."""
@@ -61,7 +62,7 @@ def folder(tmp_path_factory):
         store(place / f"p{number}.png", np.round(255 * pattern).astype(np.uint8))
         store(place / f"{number}.exr", light.astype(np.float32))
         text += f'[[photographs]]\nfile = "{number}.exr"\npattern = "p{number}.png"\n'
-    (place / "theatre.toml").write_text(described(THEATRE.dome))
+    (place / "theatre.toml").write_text(theatre_file(THEATRE.dome))
     (place / "survey.toml").write_text(text)
     return place
 

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from command_line import exit_code
 from image_files import store
-from made_up_domes import described
 from scipy.spatial.transform import Rotation
 
 from domesim.errors import InputError
@@ -20,6 +19,7 @@ from domesim.measure.patterns import Codes
 from domesim.measure.patterns.dome import dome_patterns
 from domesim.room.dome import Dome
 from domesim.room.theatre import Theatre
+from testing.surveys import theatre_file
 
 DOME = Dome(5.0, np.radians(85), tilt=0.15)
 PATTERN = dome_patterns(DOME, Codes(16, floating=False, transfer="linear"), 4)[0]
@@ -164,7 +164,7 @@ pattern = "patterns/0001_registration.png"
 @pytest.fixture
 def folder(tmp_path):
     """A survey of one photograph, of a rectangular picture, with its patterns."""
-    (tmp_path / "theatre.toml").write_text(described(DOME))
+    (tmp_path / "theatre.toml").write_text(theatre_file(DOME))
     (tmp_path / "survey.toml").write_text(SURVEY)
     store(tmp_path / "dots.exr", photograph(PINHOLE, 480, 640).astype(np.float32))
     made = ("--dome", "--scene", tmp_path / "theatre.toml", "--size", "64")
@@ -201,6 +201,6 @@ def test_mistakes_of_a_camera(folder, change, message):
 
 
 def test_patterns_of_another_dome_are_refused(folder):
-    (folder / "theatre.toml").write_text(described(replace(DOME, half_angle=np.radians(90))))
+    (folder / "theatre.toml").write_text(theatre_file(replace(DOME, half_angle=np.radians(90))))
     with pytest.raises(InputError, match="half-angle of 90 degrees; write patterns of this"):
         read_survey(folder / "survey.toml")
